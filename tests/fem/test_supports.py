@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from palpate import fem, simulate
 from palpate.errors import ScenarioError
 from palpate.fem import Body, BodyError
+from palpate.metrics import summarize
 
 LEFT, FRONT = "x < 11 mm", "y < 6 mm"
 
@@ -41,6 +43,46 @@ def test_held_rows_are_struck_from_the_stiffness(body: Body) -> None:
     np.testing.assert_array_equal(held.compliance, held.compliance.T)
     expected = np.linalg.inv(stiffness[np.ix_(keep, keep)])
     np.testing.assert_allclose(held.compliance, expected, atol=2e-6 * expected.max())
+
+
+@pytest.mark.parametrize(("tip", "reach"), [("sphere", (8.0**2 - 6.0**2) ** 0.5), ("flat", 4.0)])
+def test_a_tip_over_held_nodes_is_warned_of_where_it_overlaps_them(body: Body, tip: Any, reach: float) -> None:
+    """A sphere of 8 mm, 2 mm deep, overlaps the surface up to a chord of 5.3 mm, and the held one ends at 10 mm."""
+
+    def warned(of: Body, x: float) -> bool:
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            of.indent((x, 20e-3, 20e-3), 8e-3 if tip == "sphere" else 4e-3, 2e-3, tip=tip)
+        return any("overlaps a fixed or held part" in str(one.message) for one in found)
+
+    held = body.held(LEFT)
+    for beside, there in ((1.2, False), (0.8, True), (-1.0, True)):
+        x = 10e-3 + beside * 1e-3 * reach
+        assert warned(held, x) is there
+        assert not warned(body, x)
+
+
+@pytest.mark.parametrize(("x", "told"), [("-5 mm", True), ("8 mm", False)])
+def test_a_run_whose_tip_overlaps_a_held_part_says_that_its_force_is_too_small(x: str, told: bool) -> None:
+    """The held part ends 10 mm beside the middle of the block, to which the tip lies at `x`."""
+    block = {"shape": "block", "size": ["40 mm", "40 mm", "20 mm"], "young": "10 kPa", "spacing": "5 mm"}
+    rows = [["0 s", "0 mm", "0 mm", "0 mm"], ["0.2 s", "0 mm", "0 mm", "2 mm"]]
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {"kind": "fixed"},
+        "object": {
+            "kind": "body",
+            "position": [f"{-float(x.split(maxsplit=1)[0])} mm", "0 mm", "-8 mm"],
+            "body": {**block, "held": ["x < 11 mm"], "radius": "8 mm"},
+            "frame": {"displacement": rows},
+        },
+        "run": {"duration": "0.25 s"},
+    }
+    found = summarize(simulate(tables))
+    assert ("overlaps a fixed or held part of the surface" in found["verdict"]) is told
+    assert found["palpation"]["over_fixed"] is told
 
 
 def test_supports_add_up_in_any_order(body: Body) -> None:

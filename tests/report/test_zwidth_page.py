@@ -13,6 +13,7 @@ from palpate.report.zwidth import zwidth_figure, zwidth_page
 from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.stability import zwidth
+from palpate.stability.maps.zwidth_map import written
 
 SLIDER = Path(__file__).parents[2] / "scenarios" / "slider-wall-stable.toml"
 
@@ -85,7 +86,7 @@ def test_a_band_of_unstable_objects_under_the_stiffest_stable_one_is_named() -> 
     for stiffness, stable in ((0.99 * low, True), (1.01 * low, False), (0.99 * high, False), (1.01 * high, True)):
         assert (loop.spectral_radius(stiffness, 0.0) < 1.0) is stable
     assert loop.spectral_radius(0.99 * found.stiffest_here, 0.0) < 1.0
-    said = f"with 0 N·s/m: unstable from {low:.4g} to {high:.4g} N/m, below the stiffest stable object."
+    said = f"with 0 N·s/m: unstable from {written(low)} to {written(high)}, below the stiffest stable object."
     assert any(remark.endswith(said) for remark in found.gap_remarks)
     page = zwidth_page(found).html()
     assert said in page

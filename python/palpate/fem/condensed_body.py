@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from scipy.optimize import nnls
+from scipy.spatial import cKDTree
 
 from palpate import _core
-from palpate.arrays import Array, Indices, Single
+from palpate.arrays import Array, Flags, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
 from palpate.fem.errors import BodyError
@@ -117,6 +118,40 @@ class CondensedBody:
         """The rest of the surface as a mesh; None if all of it is touched."""
         faces = self.contents.triangles[~self.contents.contact_triangles]
         return Mesh(self.points, faces, open=True, repair=False) if len(faces) else None
+
+    @cached_property
+    def _fixed_surface(self) -> tuple[Mesh | None, Array]:
+        """Triangles of the contact surface that are fixed or held, and all fixed or held vertices of it (k, 3), m."""
+        faces = self.contents.triangles[self.contents.contact_triangles]
+        free = np.isin(faces, self.contents.nodes)
+        still = faces[~free.any(axis=1)]
+        mesh = Mesh(self.points, still, open=True, repair=False) if len(still) else None
+        return mesh, self.points[np.unique(faces[~free])]
+
+    def overlaps_fixed(self, centers: Array, radius: float, axis: Array | None = None) -> Flags:
+        """Return whether a rigid tip at each of `centers` (m, 3), m, overlaps the fixed or held contact surface (m,).
+
+        No force acts there, so that on the tip is too small. An overlap of a thousandth of the radius does not count.
+
+        Args:
+            centers: of a sphere, or of the flat end of a rod.
+            radius: m.
+            axis: unit vector along the rod, out of the body (3,); None: a sphere.
+        """
+        mesh, vertices = self._fixed_surface
+        found = np.zeros(len(centers), dtype=bool)
+        if len(vertices) == 0:
+            return found
+        near = [vertices[cKDTree(vertices).query(centers)[1]]]
+        if mesh is not None:
+            near.append(mesh.nearest(centers)[0])
+        for points in near:
+            beside, inside = points - centers, np.ones(len(centers), dtype=bool)
+            if axis is not None:
+                above = beside @ axis
+                beside, inside = beside - np.outer(above, axis), above > 1e-3 * radius
+            found |= inside & (np.linalg.norm(beside, axis=1) < 0.999 * radius)
+        return found
 
     def on_surface(self, values: ArrayLike) -> Array:
         """Return node values (n, ...) at the vertices of `surface` (v, ...); fixed vertices have zero.

@@ -34,6 +34,10 @@ _MAX_UPDATES = 200  # model updates at each depth
 _TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
 NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
 _MAX_TIPS = 8
+OVERLAPS_FIXED: Final = (
+    "overlaps a fixed or held part of the surface, which does not push back, so its force is too small: press a radius "
+    "away from it"
+)
 _SIDEWAYS: Final = 0.5  # cosine between the force on a tip and the normal of a press below which it points sideways
 _STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
 
@@ -68,7 +72,8 @@ class IndentableBody(CondensedBody):
 
         Inertia and creep are left out (`modal`, `viscoelastic`). An indentation from rest has no friction, except for
         `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
-        Fewer than four nodes in contact, or a tip smaller than the distance of the nodes, cause a warning.
+        Fewer than four nodes in contact, a tip smaller than the distance of the nodes, and a tip that overlaps a fixed
+        or held part of the surface cause a warning.
 
         Args:
             point: (3,), m or text such as "5 mm".
@@ -105,6 +110,8 @@ class IndentableBody(CondensedBody):
         nodes, force, small = int(history.nodes[-1]), history.force[-1], unresolved(self.nodes, target, size, tip)
         error = self._force_error(nodes) if tip == "sphere" and not small else None
         if deep > 0.0:
+            if self.overlaps_fixed(center[None], size, None if tip == "sphere" else normal)[0]:
+                warnings.warn(f"the tip {OVERLAPS_FIXED}", BodyWarning, stacklevel=2)
             check_resolved(force, normal, nodes, error, small)
         return Indentation(force, self.displacement(), nodes, error)
 

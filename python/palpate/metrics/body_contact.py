@@ -10,7 +10,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.fem import force_error
 from palpate.metrics.mesh_contact import LAST
-from palpate.simulation.bodies import resolves_tip
+from palpate.simulation.bodies import overlaps_fixed, resolves_tip
 from palpate.simulation.moving_frame import touching_tip, turned_to_object
 from palpate.simulation.trace import Trace
 
@@ -59,6 +59,8 @@ class PalpationMetrics:
         unsolved: number of samples whose contact force was not found: more than 128 nodes lie under the tip, or it
             inverts tetrahedra of a hyperelastic body or moves too far between two of its model updates.
         contact_lost: number of samples without contact inside the body, after the tip was pushed through.
+        over_fixed: whether the tip overlaps a fixed or held part of the surface, at the deepest deflection or at one of
+            200 other samples in contact. No force acts there, so the object force is too small.
     """
 
     touches: int
@@ -82,6 +84,7 @@ class PalpationMetrics:
     touching_at_end: bool
     unsolved: int
     contact_lost: int
+    over_fixed: bool = False
 
     @property
     def settled(self) -> bool:
@@ -116,6 +119,8 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     final, tank, initial = float(stored[-1, 0]), float(saved[-1, 0]), float(stored[0, 0] + saved[0, 0])
     every_tick = int(trace.scenario.get("run", {}).get("record_every", 1)) == 1
     last = time >= time[-1] - LAST
+    rows = first + np.flatnonzero(contact)
+    some = rows[np.linspace(0, len(rows) - 1, min(len(rows), 200)).astype(int)]
     path, path_stiffness = stiffness_along_path(trace)
     swept = len(path) > 0 and path[-1] > MIN_SWEEP
     return PalpationMetrics(
@@ -140,6 +145,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         touching_at_end=bool(contact[last].all()),
         unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
         contact_lost=int(np.count_nonzero(trace["contact_lost"][first:] > 0.0)) if "contact_lost" in trace else 0,
+        over_fixed=overlaps_fixed(trace, np.append(some, first + at)),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate.devices.reach import near_limits
+from palpate.fem.indentation import OVERLAPS_FIXED
 from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
@@ -239,6 +240,8 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     if found.nodes < FEW:
         few = "1 node carries" if found.nodes == 1 else f"{found.nodes} nodes carry"
         text += f"; only {few} that force: take a finer mesh or a larger tip"
+    if found.over_fixed:
+        text += f"; the tip {OVERLAPS_FIXED}"
     if found.unsolved:
         text += f"; in {found.unsolved} samples the contact force was not found"
         text += ": too many nodes lie under the tip, it inverts tetrahedra, or it moves too fast"

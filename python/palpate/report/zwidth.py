@@ -11,7 +11,7 @@ from palpate.plotting.style import COLORS, INK, TITLE, new_figure
 from palpate.report.html import Page
 from palpate.stability.maps.boundary_curve import Boundary
 from palpate.stability.maps.simulated import SimulatedBoundary
-from palpate.stability.maps.zwidth_map import ZWidth
+from palpate.stability.maps.zwidth_map import ZWidth, written
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -36,15 +36,13 @@ def zwidth_page(z: ZWidth) -> Page:
         "loop" + ("." if z.simulated is None else "; the dots come from simulations."),
     )
     page.verdict(z.verdict, "good" if z.stable_here else "bad")
-    facts = [(f"stiffest object at B = {b:.3g} N·s/m, the peak of the curve", _written(k))]
+    facts = [(f"stiffest object at B = {b:.3g} N·s/m, the peak of the curve", written(k))]
     if z.stiffest_here is not None:
-        facts.insert(
-            0, (f"stiffest object at B = {z.here[0]:.3g} N·s/m, as in the scenario", _written(z.stiffest_here))
-        )
+        facts.insert(0, (f"stiffest object at B = {z.here[0]:.3g} N·s/m, as in the scenario", written(z.stiffest_here)))
     if z.min_stable_stiffness > 0.0:
-        facts.append(("softest stable object", _written(z.min_stable_stiffness)))
+        facts.append(("softest stable object", written(z.min_stable_stiffness)))
     if z.passive is not None:
-        facts.append(("stiffest passive object", _written(z.passive[1].max())))
+        facts.append(("stiffest passive object", written(z.passive[1].max())))
     page.facts(facts)
     for remark in z.gap_remarks:
         page.paragraph(f"**Unstable band**: {remark}")
@@ -84,11 +82,6 @@ def zwidth_page(z: ZWidth) -> Page:
     page.section("Simulations")
     page.paragraph(_method(z))
     return page
-
-
-def _written(stiffness: float) -> str:
-    """Return a stiffness with the unit of its size."""
-    return f"{stiffness:.4g} N/m" if stiffness < 1e3 else f"{stiffness / 1e3:.4g} N/mm"
 
 
 def _of_modes(z: ZWidth) -> bool:

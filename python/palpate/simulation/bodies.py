@@ -65,13 +65,35 @@ def resolves_tip(trace: Recorded, row: int) -> bool:
     try:
         scenario = Scenario.from_dict(trace.metadata["scenario"])
         choice = scenario.object.body
-        if choice is None or not (Path(choice.file) if choice.file is not None else cache_path(choice)).is_file():
+        if choice is None or not _is_there(choice):
             return False
         body = scenario_body(scenario)
     except PalpateError:
         return False
     tip = _tip_in_body(trace, scenario, body)[row]
     return body.record.get("order") == 2 and not unresolved(body.nodes, tip, choice.radius, choice.tip)
+
+
+def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
+    """Return whether the tip overlaps a fixed or held part of the surface of a trace's body at any of `rows` (m,).
+
+    False also if the body is no longer there.
+    """
+    try:
+        scenario = Scenario.from_dict(trace.metadata["scenario"])
+        choice = scenario.object.body
+        if choice is None or not _is_there(choice):
+            return False
+        body = scenario_body(scenario)
+    except PalpateError:
+        return False
+    axis = np.array([0.0, 0.0, 1.0]) if choice.tip == "flat" else None
+    return bool(body.overlaps_fixed(_tip_in_body(trace, scenario, body)[rows], choice.radius, axis).any())
+
+
+def _is_there(choice: BodyChoice) -> bool:
+    """Return whether the file of a body exists, without building it."""
+    return (Path(choice.file) if choice.file is not None else cache_path(choice)).is_file()
 
 
 def _tip_in_body(trace: Recorded, scenario: Scenario, body: Body) -> Array:

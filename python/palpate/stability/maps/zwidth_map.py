@@ -30,7 +30,16 @@ from palpate.stability.passivity import field_damping, passive_stiffness
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Corner", "ZWidth", "loop_radii", "operator_name", "other_operators", "spring_zwidth", "wall_loops"]
+__all__ = [
+    "Corner",
+    "ZWidth",
+    "loop_radii",
+    "operator_name",
+    "other_operators",
+    "spring_zwidth",
+    "wall_loops",
+    "written",
+]
 
 Progress = Callable[[str, float], None]
 HAND = HumanArm(0.15, 4.5, 560.0)
@@ -105,7 +114,8 @@ class ZWidth:
     def gap_remarks(self) -> list[str]:
         """Return a sentence for each band of unstable objects under a boundary."""
         return [
-            f"{name}, with {b:.4g} N·s/m: unstable from {low:.4g} to {high:.4g} N/m, below the stiffest stable object."
+            f"{name}, with {b:.4g} N·s/m: unstable from {written(low)} to {written(high)}, "
+            "below the stiffest stable object."
             for name, bands in self.gaps.items()
             for b, low, high in bands
         ]
@@ -202,6 +212,11 @@ def _numbers(found: SimulatedBoundary | None) -> dict[str, Any] | None:
         "runs": found.runs,
         "duration_s": found.duration,
     }
+
+
+def written(stiffness: float) -> str:
+    """Return a stiffness, N/m, with the unit of its size."""
+    return f"{stiffness:.4g} N/m" if stiffness < 1e3 else f"{stiffness / 1e3:.4g} N/mm"
 
 
 def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:

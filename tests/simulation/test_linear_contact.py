@@ -5,13 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import palpate
 import pytest
 from palpate import fem
 from palpate.scenario import Scenario
+from palpate.simulation.evidence import evidence
 from palpate.simulation.linear_evidence import linear_radii_of
-from palpate.simulation.recorded import recorded_scenario
+from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.verdict import State
+from palpate.simulation.windows import windows
 from palpate.stability import contact_stability
 from palpate.stability.mesh_contact import mesh_contact
 from palpate.stability.mode_stability import gain_margin
@@ -76,6 +79,32 @@ def test_the_linear_loop_of_a_run_on_a_body_is_that_of_its_contact(block: Path, 
     creep = {"instantaneous_ratio": 2.0, "retardation_time": "0.05 s"}
     trace, radius = judged(on_body(block, "viscoelastic", static_friction=friction, **creep))
     assert radius == pytest.approx(contact_stability(trace).radius, abs=1e-6)
+
+
+@pytest.mark.parametrize("stiffness", ["0.01 N/m", "300 N/m"])
+def test_the_creep_that_a_run_leaves_is_that_of_the_standard_linear_solid(block: Path, stiffness: str) -> None:
+    """A run that is short against the retardation time rests, and is not settled; a longer one moves as predicted."""
+    scenario = on_body(block, "viscoelastic", instantaneous_ratio=2.0, retardation_time="0.5 s", static_friction=0.3)
+    scenario["operator"] |= {"stiffness": stiffness, "damping": "9 N*s/m", "force": ["0 N", "0 N", "-0.2 N"]}
+    short, long = (palpate.simulate({**scenario, "run": {"duration": f"{t} s"}}) for t in (0.4, 4.0))
+    read = recorded_scenario(short)
+    found = evidence(short, read, windows(external_forces(short, read))[-1], None)
+    moved = abs(long["tip"][-1, 2] - short["tip"][-1, 2])
+    assert found.creep[0] == pytest.approx(moved, rel=0.15)
+    assert moved > 0.1 * found.deflection[0]
+    assert short.verdict.state is State.UNDECIDED
+    assert long.verdict.state is State.SETTLED
+
+
+def test_an_elastic_body_and_a_pushed_one_have_no_creep_left(block: Path) -> None:
+    for kind, options, kept in (
+        ("compliance", {}, np.nan),
+        ("viscoelastic", {"instantaneous_ratio": 2.0, "retardation_time": "9 s"}, 0.1),
+    ):
+        trace = palpate.simulate({**on_body(block, kind, **options), "run": {"duration": "0.3 s"}})
+        read = recorded_scenario(trace)
+        found = evidence(trace, read, windows(external_forces(trace, read))[-1], None, kept)
+        assert found.creep[0] == 0.0
 
 
 def test_an_unstable_contact_is_never_settled() -> None:

@@ -83,6 +83,8 @@ def evidence(
     touching = trace["touching"][:, 0] > 0.0
     lost = pushed_through(trace) is not None
     known: dict[str, Any] = {} if scenario is None else _known(trace, scenario, window, deflection, touching)
+    if not np.isnan(kept):
+        known["creep"] = 0.0  # a push is judged by the response to it
     return Evidence.of(
         1,
         unstable_from=np.nan,
@@ -125,6 +127,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
         "generated": generated,
         "generated_before": generated_before,
         "error": error,
+        "creep": _creep(trace, scenario, window, deflection, touching),
         "drift": _drift(trace, ending) if scenario.reference is not None or "tool" in trace else np.nan,
     }
 
@@ -134,6 +137,40 @@ def moved_until(trace: Recorded, scenario: Scenario) -> int:
     names = [name for name in frame_channels(scenario) if name in trace]
     rows = [np.flatnonzero(np.diff(trace[name], axis=0).any(axis=1)) for name in names]
     return max((int(moved[-1]) + 1 for moved in rows if len(moved)), default=0)
+
+
+def _creep(trace: Recorded, scenario: Scenario, window: Window, deflection: Array, touching: Flags) -> float:
+    """Return how far the tip can follow the creep of a body after the run, m; 0 without creep.
+
+    Since the force is constant and the tip in contact, for a time t, the stiffness K has fallen towards q K with
+    q = 1 - (1 - 1/r) exp(-t/tau), of the standard linear solid with instantaneous ratio r and retardation time tau. An
+    arm of stiffness k, which gives way, follows by the factor (k + K)/(k + q K); under a tracked force k is zero.
+    """
+    solids = [one.object.body.options for one in scenario.each_object.values() if one.object.body is not None]
+    ending, held = window.ending, np.flatnonzero(~touching[: window.end + 1])
+    begin = max(window.begin, int(held[-1]) + 1 if len(held) else 0)
+    if begin > window.end:
+        return 0.0
+    since = float(trace.time[window.end] - trace.time[begin])
+    deep = float(np.linalg.norm(deflection[ending].mean(axis=0)))
+    force = float(np.linalg.norm(trace["object_force"][ending].mean(axis=0)))
+    arm = _arm_stiffness(scenario)
+    left = [0.0]
+    for options in solids:
+        ratio, tau = float(options.get("instantaneous_ratio", 1.0)), float(options.get("retardation_time", np.inf))
+        remains = 1.0 - (1.0 - 1.0 / ratio) * float(np.exp(-since / tau))
+        if remains < 1.0 and force > 0.0:
+            left.append(deep * ((arm * deep + force) / (arm * deep + remains * force) - 1.0))
+    return max(left)
+
+
+def _arm_stiffness(scenario: Scenario) -> float:
+    """Return the stiffness of the arm against a slow motion of a display's tip, N/m; 0 where the force is imposed."""
+    operator = scenario.operator
+    if operator.kind != "arm" or scenario.servo.topology != "impedance_display" or not operator.stiffness:
+        return 0.0
+    tissue = operator.tissue_stiffness
+    return operator.stiffness if tissue is None else operator.stiffness * tissue / (operator.stiffness + tissue)
 
 
 def _tool_error(trace: Recorded, ending: slice, deflection: Array, counts: float) -> float:

@@ -261,6 +261,9 @@ def _undecided(time: Array, e: Evidence, swing: str, tool: bool) -> str:
             return f"after {time[-1]:.4g} s it is {off}, and still moves by {swing}: give a longer run.duration"
         return f"it rests {off}"
     band = max(BAND * float(e.deflection[0]), float(e.resolution[0]), FLOOR)
+    if e.creep[0] > band:
+        left = f"{1e3 * float(e.creep[0]):.3g} mm"
+        return f"the body may creep by another {left}: give a run.duration of several retardation times"
     if e.ripple[0] <= band and e.ripple_before[0] > BEFORE * band:
         before = f"{1e3 * float(e.ripple_before[0]):.3g} mm"
         return f"it rests in the last fifth alone, and moved by {before} in the fourth: give a longer run.duration"

@@ -146,6 +146,7 @@ class Evidence:
         error: relative difference of that deflection from force over stiffness; nan if that is unknown. Of an
             admittance display: the distance of tip and tool over the deflection.
         drift: relative change of the commanded force over the last fifth; nan if unknown.
+        creep: way that a creeping body has left at most, m; 0 without one.
         touching: fraction of the last fifth in contact.
         contacts: number of contacts that begin in the last fifth.
         apart: fraction of the run since the first contact in which the tip is off the object though it is pressed on.
@@ -177,6 +178,7 @@ class Evidence:
     deflection: Array
     error: Array
     drift: Array
+    creep: Array
     touching: Array
     contacts: Array
     apart: Array
@@ -197,7 +199,7 @@ class Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
         names = ("ripple_before", "swing_before", "error", "drift", "decay", "kept", "generated", "generated_before")
         unknown = dict.fromkeys(names, np.nan)
-        none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear"), 0)
+        none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear", "creep"), 0)
         swing = values.get("swing", values["ripple"])
         before = values.get("ripple_before", np.nan) - values.get("swing_before", np.nan)
         defaults: Mapping[str, Any] = {
@@ -284,7 +286,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     rests = (((e.ripple <= band) & ~creeps) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
-    rests &= ~(_ahead(e) > band)
+    rests &= ~(_ahead(e) > band) & ~(e.creep > band)
     rests &= stable | ~(e.ripple_before > BEFORE * band)  # a turning point of a slow motion looks like rest
     rests &= stable | ~generates(e)
     state = np.select(

@@ -299,3 +299,22 @@ def test_a_tip_that_sticks_off_its_tool_has_not_settled(
     assert float(np.ptp(trace["tip"][-80:], axis=0).max()) < 1e-9
     assert trace.verdict.state is State.UNDECIDED
     assert says in trace.verdict.reason
+
+
+def test_a_display_behind_a_flexible_mode_settles_though_the_load_bends_it_off_its_tool(tmp_path: Path) -> None:
+    """The bend is the load over the stiffness of the mode; the tip that the servo knows is on the tool."""
+    name = device_file(tmp_path, load("slider"), 40.0, 0.3, 0.05)
+    trace = palpate.simulate(
+        display(
+            device={"name": name}, start={"pose": ["0 mm"]}, controller={"kind": "workspace", "bandwidth": "60 rad/s"},
+            servo=display()["servo"] | {"period": "1 ms", "tool": {"mass": "0.3 kg", "damping": "4 N*s/m"}},
+            operator={"kind": "force", "shape": "step", "force": ["-0.2 N", "0 N", "0 N"]},
+            object={"kind": "wall", "normal": [1, 0, 0], "stiffness": "20 N/mm"}, run={"duration": "2 s"},
+        )
+    )  # fmt: skip
+    mode = load(name).flexible
+    assert mode is not None
+    bend = -0.2 / (0.06 * mode.stiffness)
+    assert trace["tip_offset"][-1, 0] == pytest.approx(bend, rel=1e-3)
+    assert abs(bend) > 2.0 * abs(trace["deflection"][-1, 0])
+    assert trace.verdict.state is State.SETTLED

@@ -177,8 +177,9 @@ def _tool_error(trace: Recorded, ending: slice, deflection: Array, counts: float
     """Return the distance of the tip from the tool of an admittance display at the end, over the deflection.
 
     A tip that sticks off its tool is pulled on until it slips. Within the counts of the encoder it does not rest apart.
+    The tip is that of the encoders: behind a flexible mode the load bends the device off the tool.
     """
-    off = float(np.linalg.norm(trace["tool"][ending][-1] - held_tip(trace)[ending][-1]))
+    off = float(np.linalg.norm(trace["tool"][ending][-1] - trace["tip"][ending][-1]))
     return max(off - max(counts, FLOOR), 0.0) / max(float(np.linalg.norm(deflection[ending].mean(axis=0))), FLOOR)
 
 

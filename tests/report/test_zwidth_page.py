@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import control
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -14,6 +15,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.stability import zwidth
 from palpate.stability.maps.zwidth_map import written
+from slider_press import resonant
 
 SLIDER = Path(__file__).parents[2] / "scenarios" / "slider-wall-stable.toml"
 
@@ -48,41 +50,50 @@ def test_a_loop_that_needs_an_object_has_a_softest() -> None:
     assert zwidth(Scenario.from_file(SLIDER), simulated=False).min_stable_stiffness == 0.0
 
 
-def resonant(stiffness: str) -> Scenario:
-    """Return a slider in a soft hand, whose force passes a lightly damped resonance at 9 Hz and a notch at 16 Hz."""
-    return Scenario.from_dict(
+def test_the_stiffest_object_with_a_damping_is_that_of_the_loop_not_of_the_map() -> None:
+    """Integral action bounds soft objects on a branch that is 60,000 times lower than the map."""
+    system = control.sample_system(control.ss(control.tf([0.3, 6.0], [1.0, 0.2])), 1e-3, "bilinear")
+    a, b, c, d = (float(m[0, 0]) for m in (system.A, system.B, system.C, system.D))
+    found = zwidth(
         {
             "device": {"name": "slider"},
-            "start": {"pose": ["0 mm"]},
-            "servo": {"period": "1 ms", "topology": "impedance_display"},
-            "operator": {
-                "kind": "arm",
-                "mass": "0.02 kg",
-                "damping": "3.1 N*s/m",
-                "stiffness": "158 N/m",
-                "shape": "step",
-                "force": ["-0.1 N", "0 N", "0 N"],
-            },
-            "object": {"kind": "spring", "stiffness": stiffness},
-            "controller": {
-                "kind": "state_space",
-                "A": [[0.89756, -3.06233], [0.000948781, 0.998469]],
-                "B": [[0.000948781, 0, 0, -0.000948781, 0, 0], [4.743905e-07, 0, 0, -4.743905e-07, 0, 0]],
-                "C": [[-30.21965, 2220.64782], [0, 0], [0, 0]],
-                "D": [[0.311993, 0, 0, -0.311993, 0, 0], [0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]],
-            },
-            "run": {"duration": "1 s"},
-        }
+            "servo": {"period": "1 ms"},
+            "reference": {"shape": "step", "force": ["0.1 N", "0 N", "0 N"]},
+            "object": {"kind": "spring", "stiffness": "50 N/m", "damping": "0.5 N*s/m"},
+            "controller": {"kind": "state_space", "A": [[a]], "B": [[b, 0, 0, -b, 0, 0]], "C": [[c], [0], [0]]}
+            | {"D": [[d, 0, 0, -d, 0, 0], [0] * 6, [0] * 6]},
+        },
+        simulated=False,
     )
+    (curve,) = found.curves.values()
+    on_the_map = curve.stiffest_at(0.5)
+    assert on_the_map is not None
+    most = found.stiffest_here
+    assert most is not None
+    assert most < 0.6 * on_the_map
+
+    def radius(k: float) -> float:
+        """Return that of slider, hold, controller and backward difference."""
+        mass, friction, t = 0.06, 0.05, 1e-3
+        decay = np.exp(-friction / mass * t)
+        speed = (1.0 - decay) / friction
+        felt = np.array([k + 0.5 / t, 0.0, -0.5 / t, 0.0])
+        step = np.zeros((4, 4))
+        step[:2, :2] = [[1.0, mass * speed], [0.0, decay]]
+        step[:2] -= np.outer([(t - mass * speed) / friction, speed], d * felt + [0.0, 0.0, 0.0, c])
+        step[2, 0], step[3], step[3, 3] = 1.0, b * felt, a
+        return float(np.abs(np.linalg.eigvals(step)).max())
+
+    assert radius(0.999 * most) < 1.0 < radius(1.001 * most)
 
 
 def test_a_band_of_unstable_objects_under_the_stiffest_stable_one_is_named() -> None:
-    found = zwidth(resonant("100 N/m"), simulated=False)
+    found = zwidth(Scenario.from_dict(resonant("100 N/m")), simulated=False)
     assert found.stiffest_here is not None
     (here, *_) = [band for band in found.gaps["the scenario's arm, rigid grip"] if band[0] == 0.0]
     _, low, high = here
     assert 100 < low < high < found.stiffest_here
-    loop = scenario_loop(resonant("100 N/m"))
+    loop = scenario_loop(Scenario.from_dict(resonant("100 N/m")))
     for stiffness, stable in ((0.99 * low, True), (1.01 * low, False), (0.99 * high, False), (1.01 * high, True)):
         assert (loop.spectral_radius(stiffness, 0.0) < 1.0) is stable
     assert loop.spectral_radius(0.99 * found.stiffest_here, 0.0) < 1.0
@@ -97,7 +108,7 @@ def test_a_band_of_unstable_objects_under_the_stiffest_stable_one_is_named() -> 
 
 def test_the_map_is_filled_where_objects_are_stable() -> None:
     """A band of unstable objects is a hole, and a map without bands has none."""
-    for scenario in (resonant("100 N/m"), Scenario.from_file(SLIDER)):
+    for scenario in (Scenario.from_dict(resonant("100 N/m")), Scenario.from_file(SLIDER)):
         found = zwidth(scenario, simulated=False)
         figure = zwidth_figure(replace(found, curves=dict([next(iter(found.curves.items()))])))
         (panel,) = figure.axes

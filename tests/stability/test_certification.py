@@ -11,6 +11,7 @@ import pytest
 from palpate.control.stability_margins import loop_margins
 from palpate.devices import Device
 from palpate.errors import StabilityError
+from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
 from palpate.simulation.verdict import State, Verdict
@@ -20,10 +21,11 @@ from palpate.stability.certification import (
     _longest_interval,
     _passivity_condition,
     _range,
-    _stable_factor,
+    _stable_factors,
     _stiffness_factor,
 )
 from palpate.stability.passivity import field_damping
+from slider_press import resonant
 from slider_press import slider as leant_on
 
 
@@ -78,10 +80,12 @@ def test_the_largest_stable_factor_is_where_the_radius_falls_to_one(edge: float)
         radius = 0.5 + 0.5 * factor / edge if factor > 0.2 * edge else 2.0
         return radius * np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
 
-    assert _stable_factor(SimpleNamespace(matrix=matrix)) == pytest.approx(edge, rel=1e-9)  # type: ignore[arg-type]
+    least, most = _stable_factors(SimpleNamespace(matrix=matrix))  # type: ignore[arg-type]
+    assert most == pytest.approx(edge, rel=1e-9)
+    assert least == pytest.approx(0.2 * edge if edge > 5e-6 else 0.0, rel=1e-9)
     assert _dominant_angle(SimpleNamespace(matrix=matrix)) == pytest.approx(0.3)  # type: ignore[arg-type]
     with pytest.raises(StabilityError, match="no factor on the stiffness makes the loop stable"):
-        _stable_factor(SimpleNamespace(matrix=lambda factor: np.eye(2) * 1.1))  # type: ignore[arg-type]
+        _stable_factors(SimpleNamespace(matrix=lambda factor: np.eye(2) * 1.1))  # type: ignore[arg-type]
 
 
 def test_the_dominant_angle_is_that_of_the_largest_eigenvalue() -> None:
@@ -107,6 +111,29 @@ def test_an_unstable_loop_doubles_in_its_doubling_time_at_its_frequency() -> Non
     shown = Scenario.from_dict(example.scenario).run
     assert radius ** (shown.duration / 1e-3) == pytest.approx(1e3, rel=1e-3)
     assert shown.record_every == 1
+
+
+def test_a_loop_that_softer_objects_destabilize_as_well_is_stable_between_two_factors() -> None:
+    """Every object below the upper factor was called stable."""
+    scenario = Scenario.from_dict(resonant("100 N/mm"))
+    found = certify(scenario)
+    least, most = found.margin["least_stable_gain"], found.margin["critical_gain"]
+    assert f"the loop is stable from {least:.4g} to {most:.4g} times the object's stiffness" in found.claim
+    loop = scenario_loop(scenario)
+    for factor, stable in ((0.99 * least, False), (1.01 * least, True), (0.99 * most, True), (1.01 * most, False)):
+        assert (loop.spectral_radius(1e5 * factor, 0.0) < 1.0) is stable
+
+
+@pytest.mark.parametrize("damping", [[0.0, 0.0, 0.0], [0.0, 0.2, 0.0], [0.1, 0.2, 0.3]])
+def test_a_bilinear_coupling_has_a_pole_at_minus_one_where_it_damps_alone(damping: list[float]) -> None:
+    """Without a damper it is the spring itself, whose loop is not at its limit."""
+    spring = {"kind": "spring", "stiffness": "50 N/m", "damping": [f"{b} N*s/m" for b in damping]}
+    loops = [scenario_loop(press(object=spring | {"coupling": rule})) for rule in ("bilinear", "backward")]
+    sizes = [len(loop.matrix()) for loop in loops]
+    assert sizes == [loops[0].path.nstates + np.count_nonzero(damping)] * 2
+    radii = [loop.spectral_radius() for loop in loops]
+    if not any(damping):
+        assert radii[0] == radii[1] < 1.0
 
 
 def test_a_stable_certificate_lists_the_margins_of_its_loop() -> None:
@@ -171,8 +198,52 @@ def test_of_several_directions_the_condition_of_the_stiffest_is_sufficient_only(
     assert passive is None
     assert remark == (
         f"Passivity: the object requires at most {required:.4g} N s/m of the device's own damping at the tip "
-        f"and there is at least {loop.device_damping:.4g} N s/m."
+        f"and there is at least {loop.device_damping:.4g} N s/m. That is what the torque that balances the weight "
+        "leaves: the servo turns it with the pose at ticks."
     )
+
+
+def weighed(stiffness: float, delay: int = 0) -> Scenario:
+    """Return the arm on a wall in a pose where the turning of the balancing torque takes 5 % of the friction."""
+    return press(
+        device={"name": "phantom-premium-1.5a", "delay": delay},
+        start={"pose": ["0 rad", "2.9 rad", "3.7 rad"]},
+        servo={"period": "2 ms", "topology": "impedance_display"},
+        operator={"kind": "force", "force": ["0 N", "-0.01 N", "0 N"]},
+        object={"kind": "wall", "normal": [0, 1, 0], "stiffness": f"{stiffness!r} N/m"},
+    )
+
+
+def test_a_wall_up_to_the_friction_that_the_turning_of_the_weight_leaves_is_passive() -> None:
+    """Held between ticks, the torque that balances the weight generates energy as a sampled spring does."""
+    scenario = weighed(10.0)
+    device, pose = scenario.load_device(), np.array(scenario.start.pose)
+    lever = device.jacobian(pose)[1]
+    friction = 1.0 / float(lever**2 @ (1.0 / device.viscous))
+    left = scenario_loop(scenario).device_damping
+    assert 0.9 * friction < left < 0.96 * friction
+    hand = HumanArm(0.1, 0.0, 5.0)
+    for stiffness, passive in ((0.5 * (friction + left) / 1e-3, None), (0.999 * left / 1e-3, True)):
+        held = weighed(stiffness)
+        assert _passivity_condition(held, scenario_loop(held))[0] is passive
+        radius = scenario_loop(held, arm=hand, operator_force=(0.0, 0.0, 0.0)).spectral_radius()
+        assert (radius < 1.0) is bool(passive)
+    drawn = np.random.default_rng(3)
+    for mass, spring in 10.0 ** drawn.uniform([-3.0, -1.0], [1.0, 4.0], (20, 2)):
+        assert scenario_loop(held, arm=HumanArm(mass, 0.0, spring), operator_force=(0, 0, 0)).spectral_radius() < 1.0
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_the_turning_of_the_weight_takes_friction_in_proportion_to_the_interval(delay: int) -> None:
+    """Both ends of the range of intervals, and the largest of them with a wall."""
+    scenario = weighed(2.0, delay)
+    own, loop = scenario_loop(scenario).own, scenario_loop(scenario)
+    whole = own.felt(0.0)
+    assert loop.device_damping == own.felt(2e-3) < whole
+    most = own.longest_interval(0.0)
+    assert own.felt(0.999 * most) > 0.0 == own.felt(1.001 * most)
+    longest = _longest_interval(scenario, loop)
+    assert own.felt(longest) == pytest.approx(2.0 * (0.5 + delay) * longest, rel=1e-9)
 
 
 def test_no_hand_is_searched_for_an_identified_model() -> None:
@@ -265,7 +336,8 @@ def test_the_stiffest_axis_is_that_with_the_largest_gain() -> None:
     loop = scenario_loop(scenario)
     required = _passivity_condition(scenario, loop)[1]
     assert required == pytest.approx(2.0 * (3000.0 * 0.5e-3 * 0.5 + 1.0))
-    assert _longest_interval(scenario, loop) == pytest.approx(loop.device_damping / required * 0.5e-3)
+    longest = _longest_interval(scenario, loop)
+    assert longest == pytest.approx(loop.own.felt(longest) / required * 0.5e-3)
 
 
 @pytest.mark.parametrize("found", [False, True])

@@ -29,6 +29,52 @@ __all__ = ["ScenarioLoop", "scenario_arm", "scenario_loop"]
 
 
 @dataclass(frozen=True)
+class OwnDamping:
+    """Viscous friction of a device, and the turning of the torque that balances its weight, which takes some of it.
+
+    The servo turns that torque with the pose at samples, so that it generates energy as a sampled spring does.
+
+    Attributes:
+        viscous: D of the joints (dof,), N m s/rad.
+        rows: motion of the tip along the touched directions per joint motion (r, dof), m/rad.
+        turning: W (dof, dof), N m/rad: what a period of 1 s takes of D.
+    """
+
+    viscous: Array
+    rows: Array
+    turning: Array
+
+    @classmethod
+    def of(cls, viscous: Array, rows: Array, geometric_stiffness: Array, delay: int) -> OwnDamping:
+        """Return the damping of a device whose hold changes by the pose as ``geometric_stiffness`` (dof, dof).
+
+        Without delay only a hold that pulls back to the pose generates energy, K T/2 of a spring K.
+        """
+        sizes, axes = np.linalg.eigh(-0.5 * (geometric_stiffness + geometric_stiffness.T))
+        active = np.abs(sizes) if delay else np.maximum(sizes, 0.0)
+        return cls(viscous, rows, (delay + 0.5) * (axes * active) @ axes.T)
+
+    def felt(self, interval: float) -> float:
+        """Return the least damping b (N s/m) that is left with ticks up to `interval` s apart; 0: none is.
+
+        D - interval W - b rows^T rows is positive semidefinite.
+        """
+        left = np.diag(self.viscous) - interval * self.turning
+        if np.linalg.eigvalsh(left).min() <= 0.0:
+            return 0.0
+        return float(1 / np.linalg.eigvalsh(self.rows @ np.linalg.solve(left, self.rows.T)).max())
+
+    def longest_interval(self, required: float) -> float:
+        """Return the longest interval (s) at which the damping left is that interval times `required`, N/m."""
+        if np.any(self.viscous <= 0):
+            return 0.0
+        root = 1.0 / np.sqrt(self.viscous)
+        taken = required * self.rows.T @ self.rows + self.turning
+        most = float(np.linalg.eigvalsh(root[:, None] * taken * root).max())
+        return 1.0 / most if most > 0.0 else float("inf")
+
+
+@dataclass(frozen=True)
 class ScenarioLoop:
     """A scenario's loop about one pose.
 
@@ -37,10 +83,12 @@ class ScenarioLoop:
         directions: (3, r), orthonormal: those along which the object is felt and the device can move.
         stiffness: K (r, r), N/m; damping: B (r, r), N s/m.
         coupling: "backward" or "bilinear".
-        device_damping: least damping of the device against tip motion in these directions, N s/m; nan if unknown.
+        device_damping: least damping of the device against tip motion in these directions, N s/m, beyond that which the
+            turning of its hold takes; nan if unknown.
         rests: whether the device without object and hand rests where it is, rather than tipping over under gravity.
         normalized: whether the controller divides by the object's stiffness; K is then its design stiffness, and B is
             the object's damping times K over the object's stiffness.
+        own: the device's own damping, at intervals other than the scenario's.
     """
 
     path: control.StateSpace
@@ -49,8 +97,9 @@ class ScenarioLoop:
     damping: Array
     coupling: str
     device_damping: float
-    rests: bool = True
-    normalized: bool = False
+    rests: bool
+    normalized: bool
+    own: OwnDamping
 
     @property
     def period(self) -> float:
@@ -67,14 +116,15 @@ class ScenarioLoop:
         r = self.directions.shape[1]
         k = self.stiffness if stiffness is None else np.asarray(stiffness, float) * np.eye(r)
         b = self.damping if damping is None else np.asarray(damping, float) * np.eye(r)
-        # the coupling of a unit damper, and the spring beside it
+        # the coupling of a unit damper in the directions that have one, and the spring beside it
         rule = virtual_coupling(0.0, 1.0, self.period, "bilinear" if self.coupling == "bilinear" else "backward")
-        eye, p = np.eye(r), self.path
-        av, bv, cv, dv = (np.kron(eye, m) for m in (rule.A, rule.B, rule.C, rule.D))
-        direct = k + b @ dv
-        a = np.block([[p.A, np.zeros((p.nstates, r))], [bv @ p.C, av]])
-        entry = np.vstack([p.B, bv @ p.D])
-        out = np.hstack([direct @ p.C, b @ cv])
+        sizes, axes = np.linalg.eigh(b)
+        damped, p = axes[:, np.abs(sizes) > 1e-12 * np.abs(sizes).max(initial=0.0)].T, self.path
+        av, bv, cv, dv = (float(m[0, 0]) for m in (rule.A, rule.B, rule.C, rule.D))
+        direct = k + dv * b
+        a = np.block([[p.A, np.zeros((p.nstates, len(damped)))], [bv * damped @ p.C, av * np.eye(len(damped))]])
+        entry = np.vstack([p.B, bv * damped @ p.D])
+        out = np.hstack([direct @ p.C, cv * b @ damped.T])
         return control.StateSpace(a, entry, -out, -direct @ p.D, p.dt)
 
     def matrix(self, scale: float = 1.0) -> Array:
@@ -134,9 +184,11 @@ def scenario_loop(
     small = observable_reduction(a, entry, out, directions)
     path = control.StateSpace(*small, np.zeros((r, r)), scenario.period)
     rests = _rests(device, at, geometric_stiffness)
-    own = _damping_felt(device, jacobian, directions) if scenario.device.model != "experimental" else float("nan")
+    own = OwnDamping.of(device.viscous, directions.T @ jacobian, geometric_stiffness, scenario.device.delay)
+    known = scenario.device.model != "experimental"
+    felt = own.felt(scenario.period + scenario.servo.jitter) if known else float("nan")
     normalized = law.design_stiffness is not None
-    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, own, rests, normalized)
+    return ScenarioLoop(path, directions, k, b, scenario.object.coupling, felt, rests, normalized, own)
 
 
 def controlled_object(scenario: Scenario, law: Controller) -> tuple[Array, Array]:
@@ -261,11 +313,3 @@ def _rests(device: Device, at: Array, geometric_stiffness: Array) -> bool:
     stiffness = -device.mass_matrix(at) @ a_q - geometric_stiffness
     values = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))
     return bool(values.min() >= -1e-9 * max(float(np.abs(values).max()), 1e-300))
-
-
-def _damping_felt(device: Device, jacobian: Array, directions: Array) -> float:
-    """Return the least damping (N s/m) that any joint motion with unit tip speed in these directions meets."""
-    if np.any(device.viscous <= 0):
-        return 0.0
-    mobility = directions.T @ jacobian @ np.diag(1 / device.viscous) @ jacobian.T @ directions
-    return float(1 / np.linalg.eigvalsh(mobility).max())

@@ -25,6 +25,8 @@ from palpate.stability.passivity import field_damping, passive_damping
 
 __all__ = ["certify_spring"]
 
+DOUBLE_ROOT = 1e-7  # modulus over 1 that is rounding: a free device has a double root at 1
+
 
 def certify_spring(s: Scenario) -> Certificate:
     """Return the certificate of a scenario whose object is a spring or a wall; see ``palpate.stability.certify``.
@@ -66,10 +68,13 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
     margin = {"spectral_radius": radius, "doubling_time_s": doubling}
     limit = ""
     try:
-        gain = _stable_factor(loop)
+        least, gain = _stable_factors(loop)
         margin["critical_gain"] = gain
         whose = "its design stiffness" if loop.normalized else "the object's stiffness and damping"
         limit = f"; the loop is stable below {gain:.4g} times {whose}"
+        if least > 0.0:
+            margin["least_stable_gain"] = least
+            limit = f"; the loop is stable from {least:.4g} to {gain:.4g} times {whose}"
     except PalpateError:
         pass
     angle = _dominant_angle(loop)
@@ -88,22 +93,31 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
     return _certificate(s, criteria, state, reason, margin, (*method(s), sentence), None, example)
 
 
-def _stable_factor(loop: ScenarioLoop) -> float:
-    """Return the largest factor below 1 on stiffness and damping at which an unstable loop becomes stable.
+def _stable_factors(loop: ScenarioLoop) -> tuple[float, float]:
+    """Return the uppermost interval of factors below 1 on stiffness and damping that makes an unstable loop stable.
+
+    Its lower end is 0 if the loop is stable down to a factor of 1e-6.
 
     Raises:
         StabilityError: no factor down to 1e-6 makes it stable.
     """
+
+    def excess(factor: float) -> float:
+        return float(np.abs(np.linalg.eigvals(loop.matrix(factor))).max()) - 1.0
+
     factors = np.geomspace(1.0, 1e-6, 300)
-    radii = np.array([np.abs(np.linalg.eigvals(loop.matrix(factor))).max() for factor in factors])
-    stable = np.flatnonzero(radii < 1.0)
+    found = np.array([excess(factor) for factor in factors])
+    stable = np.flatnonzero(found < 0.0)
     if not len(stable):
         raise StabilityError("no factor on the stiffness makes the loop stable")
     first = int(stable[0])
-    edge = brentq(
-        lambda factor: np.abs(np.linalg.eigvals(loop.matrix(factor))).max() - 1.0, factors[first], factors[first - 1]
-    )
-    return float(edge)
+    below = np.flatnonzero(found[first:] > DOUBLE_ROOT)
+    least = 0.0
+    if len(below):
+        end = first + int(below[0])
+        inside = int(stable[stable < end][-1])
+        least = float(brentq(excess, factors[end], factors[inside]))
+    return least, float(brentq(excess, factors[first], factors[first - 1]))
 
 
 def _dominant_angle(loop: ScenarioLoop) -> float:
@@ -241,8 +255,10 @@ def _passivity_condition(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, 
             lipschitz=k, longest_period=longest, delay=s.device.delay, virtual_damping=b * longest / s.period
         )
     passive: bool | None = loop.device_damping >= required
-    # Sufficient, not exact: the stiffest direction with the least damped one, and a passive mode before the operator.
-    several = loop.directions.shape[1] > 1 or s.load_device().flexible is not None
+    # Sufficient, not exact: the stiffest direction with the least damped one, a hold that turns with the pose, and a
+    # passive mode before the operator.
+    turns = bool(np.any(loop.own.turning))
+    several = loop.directions.shape[1] > 1 or turns or s.load_device().flexible is not None
     exactly, at_most, at_least = ("", " at most", " at least") if several else (", exactly", "", "")
     if late:
         exactly, at_most = f" with ticks up to {1e3 * late:.4g} ms late", " at most"
@@ -250,6 +266,8 @@ def _passivity_condition(s: Scenario, loop: ScenarioLoop) -> tuple[bool | None, 
         f"Passivity{exactly}: the object requires{at_most} {required:.4g} N s/m of the device's own damping at the tip "
         f"and there is{at_least} {loop.device_damping:.4g} N s/m."
     )
+    if turns:
+        remark += " That is what the torque that balances the weight leaves: the servo turns it with the pose at ticks."
     if (several or late) and not passive:
         passive = None
     if s.device.encoder and passive:
@@ -272,4 +290,4 @@ def _longest_interval(s: Scenario, loop: ScenarioLoop) -> float:
     k, b = (gain * float(np.linalg.eigvalsh(m).max()) for m in (loop.stiffness, loop.damping))
     # The servo divides its differences by the period, whatever their interval: b grows with T_max.
     required = k * (0.5 + s.device.delay) + b / s.period
-    return loop.device_damping / required if required > 0 else float("inf")
+    return loop.own.longest_interval(required)

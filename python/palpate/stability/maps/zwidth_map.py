@@ -88,6 +88,8 @@ class ZWidth:
         not_simulated: reason why `simulated` is None; empty otherwise.
         gaps: bands of unstable objects under the boundaries, by operator, at the damping of the scenario's object and
             at that of the stiffest object: (B, lower K, upper K), N s/m and N/m. An operator without one is absent.
+        exact_here: largest stable K with the damping of the object, N/m, by the eigenvalues of the loop; None if none
+            is stable; nan if it is not known.
     """
 
     title: str
@@ -102,6 +104,7 @@ class ZWidth:
     min_stable_stiffness: float = 0.0
     not_simulated: str = ""
     gaps: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
+    exact_here: float | None = math.nan
 
     @property
     def verdict(self) -> str:
@@ -123,8 +126,8 @@ class ZWidth:
     @property
     def stiffest_here(self) -> float | None:
         """Largest stable K with the damping of the scenario's object, N/m, to four digits; None if there is none."""
-        fine = None if self.corner is None else self.corner.edge.stiffest_at(self.here[0])
-        return next(iter(self.curves.values())).stiffest_at(self.here[0]) if fine is None else fine
+        known = self.exact_here is None or not math.isnan(self.exact_here)
+        return self.exact_here if known else next(iter(self.curves.values())).stiffest_at(self.here[0])
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the boundaries, stiffness over damping, with the scenario's object, and return the axes.
@@ -246,7 +249,11 @@ def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
             loops[name] = loop
         except StabilityError:
             never.append(name)
-    bands = {name: _unstable_bands(loop, curves[name], here[0]) for name, loop in loops.items()}
+    exact = _stiffest_at(own, edge, here)
+    most = {name: curve.stiffest_at(here[0]) for name, curve in curves.items()}
+    if exact is None or not math.isnan(exact):
+        most[operator_name(s)] = exact
+    bands = {name: _unstable_bands(loop, curves[name], here[0], most[name]) for name, loop in loops.items()}
     gaps = {name: found for name, found in bands.items() if found}
     report("passive walls", 0.15)
     passive, reason = _passive(s, own, edge)
@@ -268,17 +275,40 @@ def spring_zwidth(s: Scenario, simulated: bool, report: Progress) -> ZWidth:
     stable = own.spectral_radius() < 1.0
     why = "" if found is not None else OBLIQUE if simulated else BY_CHOICE
     softest = min_stable_stiffness
-    return ZWidth(s.title, curves, passive, reason, found, here, stable, corner, tuple(never), softest, why, gaps)
+    return ZWidth(
+        s.title, curves, passive, reason, found, here, stable, corner, tuple(never), softest, why, gaps, exact
+    )
 
 
-def _unstable_bands(loop: ScenarioLoop, edge: Boundary, damping: float) -> tuple[tuple[float, float, float], ...]:
+def _stiffest_at(loop: ScenarioLoop, edge: Boundary, here: tuple[float, float]) -> float | None:
+    """Return the largest stable K (N/m) with the damping of ``here`` (B, K), to 0.001 %.
+
+    The curve gives the size of the map alone: between its points, and where it turns, it may be another branch.
+
+    Returns:
+        None if no K above 1e-7 of the map is stable, nan if the largest K that is tried is.
+    """
+    b, own = here
+    scale = max(float(edge.stiffness.max()), own)
+    near = [k * share for k in (own, edge.stiffest_at(b)) if k for share in (0.998, 1.0, 1.002)]
+    k = np.unique(np.concatenate([np.geomspace(1e-7, 1e3, 1000) * scale, np.array(near)]))
+    stable = np.flatnonzero(loop_radii(loop, k, np.full(len(k), b)) < 1.0)
+    if not len(stable):
+        return None
+    last = int(stable[-1])
+    return math.nan if last == len(k) - 1 else _crossing(loop, b, k[last], k[last + 1], 1e-5, 0.0)
+
+
+def _unstable_bands(
+    loop: ScenarioLoop, edge: Boundary, damping: float, most_here: float | None
+) -> tuple[tuple[float, float, float], ...]:
     """Return the bands (B, lower K, upper K) in which objects softer than the stiffest stable one are unstable.
 
-    They are searched at `damping` and at the damping of the stiffest object, on 400 values of K. A controller with
-    resonances may stabilize two ranges of stiffness and none in between.
+    They are searched at `damping`, up to `most_here`, and at the damping of the stiffest object, on 400 values of K. A
+    controller with resonances may stabilize two ranges of stiffness and none in between.
     """
     bands = []
-    for b, most in dict([(damping, edge.stiffest_at(damping)), edge.stiffest]).items():
+    for b, most in dict([(damping, most_here), edge.stiffest]).items():
         if most is None:
             continue
         k = np.unique(np.concatenate([np.geomspace(1e-4, 0.999, 200), np.linspace(5e-3, 0.995, 200)])) * most
@@ -292,14 +322,16 @@ def _unstable_bands(loop: ScenarioLoop, edge: Boundary, damping: float) -> tuple
     return tuple(bands)
 
 
-def _crossing(loop: ScenarioLoop, damping: float, low: float, high: float) -> float:
-    """Return the stiffness between `low` and `high` at which the loop changes its stability, to 0.1 %."""
+def _crossing(
+    loop: ScenarioLoop, damping: float, low: float, high: float, width: float = 1e-3, tolerance: float = TOLERANCE
+) -> float:
+    """Return the stiffness between `low` and `high` at which the loop changes its stability, to a relative `width`."""
 
     def unstable(k: float) -> bool:
-        return bool(loop_radii(loop, np.array([k]), np.array([damping]))[0] > 1 + TOLERANCE)
+        return bool(loop_radii(loop, np.array([k]), np.array([damping]))[0] >= 1 + tolerance)
 
     below = unstable(low)
-    while high - low > 1e-3 * high:
+    while high - low > width * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if unstable(middle) == below else (low, middle)
     return 0.5 * (low + high)
@@ -468,6 +500,11 @@ def _passive(s: Scenario, loop: ScenarioLoop, edge: Boundary) -> tuple[tuple[Arr
     if math.isnan(loop.device_damping):
         return None, "the device model does not specify its own damping"
     if loop.device_damping <= 0:
+        if np.all(loop.own.viscous > 0.0):
+            return (
+                None,
+                "the torque that balances the weight turns with the pose at ticks, and takes all of the friction",
+            )
         return None, "the device has no damping of its own, so no wall is passive"
     if not loop.rests:
         return None, "without an operator the device tips over under gravity, so no wall is passive"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate.fem import BodyError
-from palpate.fem.closed_surface import ClosedSurface
+from palpate.fem.closed_surface import ClosedSurface, _barycentric
 from palpate.fem.winding_number import WindingNumber
 
 trimesh = pytest.importorskip("trimesh")
@@ -94,7 +94,87 @@ def test_a_hole_of_several_edges_is_closed_by_a_cap() -> None:
     capped = trimesh.Trimesh(raised, fine.faces, process=False)
     assert surface.volume == pytest.approx(capped.volume, rel=1e-9)
     share = capped.area_faces[around].sum() / fine.area_faces[~around].sum()
-    assert surface.repairs == [f"1 hole closed, {100.0 * share:.2g} % of the area"]
+    assert surface.repairs == surface.warnings == [f"1 hole closed, {100.0 * share:.2g} % of the area"]
+
+
+def test_two_holes_with_a_common_vertex_are_closed_each_by_its_own_fan() -> None:
+    """Two hexagons, one vertex apart along a row: the cap of each is flat about its own center."""
+    fine = trimesh.creation.icosphere(4, 0.04)
+    near = [set(one) for one in fine.vertex_neighbors]
+    first, common = 700, sorted(near[700])
+    second = next(v for c in common for v in sorted(near[c] - near[first] - {first}) if len(near[v] & near[first]) == 1)
+    around = np.isin(fine.faces, [first, second]).any(axis=1)
+    assert around.sum() == 12
+    raised = fine.vertices.copy()
+    for apex in (first, second):
+        raised[apex] = fine.vertices[sorted(near[apex])].mean(axis=0)
+    surface = closed(fine.vertices, fine.faces[~around])
+    assert surface.repairs[0].startswith("2 holes closed, ")
+    assert surface.volume == pytest.approx(trimesh.Trimesh(raised, fine.faces, process=False).volume, rel=1e-9)
+
+
+def test_a_hole_of_a_fiftieth_of_the_area_is_closed_and_a_tenth_in_all() -> None:
+    """A hole of 45 of 1,280 triangles is too large; of those of 20, three are closed, and eight are too many."""
+    near = [set(one) for one in SPHERE.vertex_neighbors]
+    apart = [v for v in range(len(near)) if len(near[v]) == 5][:8]  # the corners of the icosahedron
+    disc = {v: {v} | near[v] for v in apart}
+
+    def without(vertices: set[int]) -> np.ndarray:
+        return SPHERE.faces[~np.isin(SPHERE.faces, sorted(vertices)).any(axis=1)]
+
+    wide = set().union(*(near[v] for v in disc[apart[0]]))
+    with pytest.raises(
+        BodyError, match=r"the surface has 15 edges at a border, .* 3\.\d+ % of the area, the largest 3\."
+    ):
+        closed(SPHERE.vertices, without(wide))
+    three = closed(SPHERE.vertices, without(set().union(*(disc[v] for v in apart[:3]))))
+    assert three.repairs[0].startswith("3 holes closed, 4.")
+    with pytest.raises(
+        BodyError, match=r"the surface has 80 edges at a border, .* 1\d\.\d* % of the area, the largest 1\."
+    ):
+        closed(SPHERE.vertices, without(set().union(*disc.values())))
+
+
+def test_spheres_within_each_other_are_solid_and_hollow_in_turn() -> None:
+    balls = [trimesh.creation.icosphere(2, radius) for radius in (0.01, 0.04, 0.02, 0.03)]
+    four = trimesh.util.concatenate(balls)
+    surface = closed(four.vertices, four.faces)
+    a, d, b, c = (ball.volume for ball in balls)
+    assert surface.volume == pytest.approx(d - c + b - a)
+    assert surface.warnings == ["2 parts inside of another is a cavity; give an inclusion as a region"]
+    depths = np.array([[0.005, 0.0, 0.0], [0.015, 0.0, 0.0], [0.025, 0.0, 0.0], [0.035, 0.0, 0.0]])
+    assert surface.inside(depths).tolist() == [False, True, False, True]
+
+
+def test_triangles_without_area_make_an_empty_surface() -> None:
+    line = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
+    with pytest.raises(BodyError, match="the surface is empty: none of its triangles has an area"):
+        closed(line, [[0, 1, 2]])
+
+
+def test_pseudonormals_of_a_box_halve_the_angles_between_its_sides() -> None:
+    """Of a face its normal, of an edge the sum of two, of a corner that of three, however the sides are divided."""
+    half = np.array([0.01, 0.02, 0.03])
+    box = trimesh.creation.box(2.0 * half).subdivide()
+    surface = closed(box.vertices, box.faces)
+    rng, sides = np.random.default_rng(5), np.array(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3)).reshape(3, -1).T
+    sides = sides[np.abs(sides).sum(axis=1) > 0.0]
+    for number in (0, 1):  # a corner of the triangles in the middle of a side, or a place anywhere on it
+        inner = number * rng.uniform(-0.9, 0.9, sides.shape)
+        points = half * np.where(sides == 0.0, inner, sides)
+        normals = surface.pseudonormals(*surface.nearest(points))
+        normals /= np.linalg.norm(normals, axis=1)[:, None]
+        np.testing.assert_allclose(normals, sides / np.linalg.norm(sides, axis=1)[:, None], atol=1e-6)
+        for step in (-1e-3, 2e-3):
+            found = surface.signed(points + step * sides)
+            size = np.linalg.norm(sides, axis=1) if step > 0.0 else np.ones(len(sides))
+            np.testing.assert_allclose(found, -step * size, rtol=1e-6)
+
+
+def test_barycentric_weights_restore_a_point() -> None:
+    corners = np.random.default_rng(6).normal(size=(20, 3, 3))
+    weights = np.random.default_rng(7).dirichlet(np.ones(3), 20)
+    np.testing.assert_allclose(_barycentric(np.einsum("nk,nkx->nx", weights, corners), corners), weights, atol=1e-9)
 
 
 def test_a_surface_is_the_same_in_any_order_of_its_triangles() -> None:
@@ -177,18 +257,21 @@ def test_the_nearest_triangle_and_the_winding_number_agree_on_the_inside(shape: 
     np.testing.assert_array_equal(surface.inside(points)[clear], (surface.winding_number(points) > 0.5)[clear])
 
 
-def test_an_apex_is_a_spike_up_to_the_length_of_its_shortest_edge() -> None:
+@pytest.mark.parametrize(("slope", "spike"), [(63.0, True), (37.0, True), (33.0, False)])
+def test_an_apex_is_a_spike_up_to_the_length_of_its_shortest_edge(slope: float, spike: bool) -> None:
     """A cone of 24 sides: the apex alone has no triangle near its normal and no sharp edge."""
-    n, height, radius = 24, 0.02, 0.01
+    n, radius = 24, 0.01
+    height = radius * np.tan(np.radians(slope))
     angle = 2.0 * np.pi * np.arange(n) / n
     rim = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(n)])
     points = np.vstack([rim, [[0.0, 0.0, height], [0.0, 0.0, 0.0]]])
     k = np.arange(n)
     sides = np.column_stack([k, (k + 1) % n, np.full(n, n)])
     base = np.column_stack([(k + 1) % n, k, np.full(n, n + 1)])
-    cone = ClosedSurface(points, np.vstack([sides, base]))
+    away, top = np.array([0.3, -0.1, 0.2]), np.array([0.3, -0.1, 0.2 + height])
+    cone = ClosedSurface(points + away, np.vstack([sides, base]))
     edge = float(np.hypot(height, radius))
     for least in (0.0, 0.999 * edge):
-        (apex,) = cone.spikes(least)
-        np.testing.assert_allclose(cone.vertices[apex], [0.0, 0.0, height], atol=1e-12)
+        found = cone.spikes(least)
+        np.testing.assert_allclose(cone.vertices[found], np.reshape(top, (1, 3))[: int(spike)], atol=1e-12)
     assert cone.spikes(1.001 * edge).tolist() == []

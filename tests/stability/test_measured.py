@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
+from palpate.errors import StabilityError
 from palpate.linear import LinearDevice, discretize_zoh
-from palpate.stability import MeasuredResponse
+from palpate.linear.wall import wall_loop
+from palpate.stability import MeasuredResponse, stability_interval
 from palpate.stability.measured import _crossing
 
 T = 1e-3
@@ -80,3 +85,52 @@ def test_a_response_without_a_crossing_says_where_to_measure(low: float, top: fl
     found = measured(60, low, top).critical_stiffness(0.0)
     assert not found.known
     assert says in found.sentence
+
+
+@pytest.mark.parametrize("spacing", [np.linspace, np.geomspace])
+@pytest.mark.parametrize("relative", [0.003, 0.03])
+def test_the_noise_of_a_smooth_curve_is_found_by_its_roughness(spacing: Callable[..., Any], relative: float) -> None:
+    """Equal noise on the real and the imaginary part, at equal and at growing distances, however late the response."""
+    f = np.asarray(spacing(5.0, 400.0, 3000))
+    g = discretize_zoh(LinearDevice.of_mass(0.06, 0.5), T, 1).response(2 * np.pi * f * T) * np.exp(-0.1j * f)
+    real, imaginary = np.random.default_rng(9).normal(size=(2, len(f)))
+    found = MeasuredResponse(f, g * (1.0 + relative * (real + 1j * imaginary)), T)._noise() / np.abs(g)
+    assert np.median(found) == pytest.approx(relative, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("delay", "smoothing", "damping"), [(0, 0.5, 3.0), (2, 0.0, 1.0), (1, 0.8, 4.0), (3, 0.2, 0.0)]
+)
+def test_the_limit_is_that_of_the_exact_loop_with_its_delay_and_velocity_filter(
+    delay: int, smoothing: float, damping: float
+) -> None:
+    device = LinearDevice.of_mass(0.06, 0.5)
+    exact = stability_interval(wall_loop(device, T, delay + 1, smoothing), damping)
+    found = measured(2000).critical_stiffness(damping, delay=delay, velocity_filter=smoothing)
+    assert found.known
+    assert found.critical_stiffness == pytest.approx(exact.stiffness, rel=1e-4)
+    assert found.frequency == pytest.approx(exact.frequency, rel=1e-4)
+
+
+def test_shapes_and_deviations_that_do_not_fit_are_refused() -> None:
+    f, g = np.linspace(2.0, 499.0, 20), np.full(20, 1e-3 + 0j)
+    for frequency, response in ((f[:, None], g[:, None]), (f[:-1], g), (f[:0], g[:0])):
+        with pytest.raises(StabilityError, match="one list each, of one length"):
+            MeasuredResponse(frequency, response, T)
+    for values in (np.where(f > 400.0, 0.0, g), np.where(f > 400.0, np.inf, g)):
+        with pytest.raises(StabilityError, match="finite, the response not zero"):
+            MeasuredResponse(f, values, T)
+    for deviation in (-1e-6, np.nan, np.inf):
+        with pytest.raises(StabilityError, match="deviation must be finite and not negative"):
+            MeasuredResponse(f, g, T, np.full(20, deviation))
+    with pytest.raises(StabilityError, match="one number or one for each frequency, 20"):
+        MeasuredResponse(f, g, T, np.full(19, 1e-6))
+    for frequency in (f[::-1], f - 2.0, np.linspace(2.0, 501.0, 20)):
+        with pytest.raises(
+            StabilityError, match="must increase from above 0 to at most half the sampling rate, 500 Hz"
+        ):
+            MeasuredResponse(frequency, g, T)
+    whole = MeasuredResponse([100, 500], [1, 2], "1 ms", 0.5)  # type: ignore[arg-type]
+    assert (whole.period, whole.frequency.dtype, whole.response.dtype) == (1e-3, float, complex)
+    assert whole.deviation is not None
+    assert whole.deviation.tolist() == [0.5, 0.5]

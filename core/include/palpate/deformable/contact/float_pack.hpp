@@ -39,10 +39,57 @@ struct alignas(64) FloatLine {
 [[nodiscard]] constexpr int in_registers(int count) noexcept {
   return (count + float_lanes - 1) / float_lanes;
 }
+/// a b + c, rounded once where the target can.
+[[nodiscard, gnu::always_inline]] inline Floats multiply_add(const Floats& a, const Floats& b, const Floats& c) noexcept {
+#if defined(__AVX__) && defined(__FMA__)
+  return Floats(_mm256_fmadd_ps(__m256(a), __m256(b), __m256(c)));
+#else
+  return a * b + c;
+#endif
+}
+
+/// Sums of the lanes of four vectors.
+[[nodiscard, gnu::always_inline]] inline std::array<float, 4> sums_of(const Floats& a, const Floats& b, const Floats& c,
+                                                                      const Floats& d) noexcept {
+  std::array<float, 4> sums{};
+#if defined(__AVX__)
+  const __m256 pairs = _mm256_hadd_ps(_mm256_hadd_ps(__m256(a), __m256(b)), _mm256_hadd_ps(__m256(c), __m256(d)));
+  _mm_storeu_ps(sums.data(), _mm_add_ps(_mm256_castps256_ps128(pairs), _mm256_extractf128_ps(pairs, 1)));
+#else
+  for (int l = 0; l < float_lanes; ++l) {
+    sums[0] += a[l];
+    sums[1] += b[l];
+    sums[2] += c[l];
+    sums[3] += d[l];
+  }
+#endif
+  return sums;
+}
+
+/// Sum of the lanes of a vector.
 [[nodiscard, gnu::always_inline]] inline float sum_of(const Floats& v) noexcept {
+#if defined(__AVX__)
+  const __m128 four = _mm_add_ps(_mm256_castps256_ps128(__m256(v)), _mm256_extractf128_ps(__m256(v), 1));
+  const __m128 two = _mm_add_ps(four, _mm_movehl_ps(four, four));
+  return _mm_cvtss_f32(_mm_add_ss(two, _mm_movehdup_ps(two)));
+#else
   float sum = 0.0F;
   for (int l = 0; l < float_lanes; ++l) sum += v[l];
   return sum;
+#endif
+}
+
+/// Largest lane of a vector.
+[[nodiscard, gnu::always_inline]] inline float largest_of(const Floats& v) noexcept {
+#if defined(__AVX__)
+  const __m128 four = _mm_max_ps(_mm256_castps256_ps128(__m256(v)), _mm256_extractf128_ps(__m256(v), 1));
+  const __m128 two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+  return _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)));
+#else
+  float most = v[0];
+  for (int l = 1; l < float_lanes; ++l) most = v[l] > most ? v[l] : most;
+  return most;
+#endif
 }
 
 /// One register of single-precision numbers as a scalar type, for formulas written once for any scalar (TipGeometry).

@@ -73,11 +73,12 @@ class NearCompliance {
     const detail::Floats *fx = detail::as_floats(forces.axis(0)), *fy = detail::as_floats(forces.axis(1)),
                          *fz = detail::as_floats(forces.axis(2));
     for (int j = 0; j < n; ++j, c += 9) {
-      x += (c[0] * fx[j] + c[1] * fy[j]) + c[2] * fz[j];
-      y += (c[3] * fx[j] + c[4] * fy[j]) + c[5] * fz[j];
-      z += (c[6] * fx[j] + c[7] * fy[j]) + c[8] * fz[j];
+      x += detail::multiply_add(c[0], fx[j], detail::multiply_add(c[1], fy[j], c[2] * fz[j]));
+      y += detail::multiply_add(c[3], fx[j], detail::multiply_add(c[4], fy[j], c[5] * fz[j]));
+      z += detail::multiply_add(c[6], fx[j], detail::multiply_add(c[7], fy[j], c[8] * fz[j]));
     }
-    return {detail::sum_of(x), detail::sum_of(y), detail::sum_of(z)};
+    const auto sums = detail::sums_of(x, y, z, detail::Floats{});
+    return {sums[0], sums[1], sums[2]};
   }
 
   /// Compute d . C_kj s_j for the places `first` <= j < `count` into `out`: displacement of place k along `direction` by unit forces along
@@ -85,10 +86,13 @@ class NearCompliance {
   void along(int k, const Vector3<>& direction, const PlaceForces& unit, int first, int count, float* out) const noexcept {
     const int n = detail::in_registers(count), from = first / lanes;
     const detail::Floats* c = detail::as_floats(entry(k, from * lanes));
-    const auto d0 = static_cast<float>(direction[0]), d1 = static_cast<float>(direction[1]), d2 = static_cast<float>(direction[2]);
+    const detail::Floats d0 = detail::Floats{} + static_cast<float>(direction[0]), d1 = detail::Floats{} + static_cast<float>(direction[1]),
+                         d2 = detail::Floats{} + static_cast<float>(direction[2]);
     for (int j = from; j < n; ++j, c += 9) {
       detail::Floats sum{};
-      for (int b = 0; b < 3; ++b) sum += detail::as_floats(unit.axis(b))[j] * (d0 * c[b] + d1 * c[3 + b] + d2 * c[6 + b]);
+      for (int b = 0; b < 3; ++b)
+        sum = detail::multiply_add(detail::as_floats(unit.axis(b))[j],
+                                   detail::multiply_add(d0, c[b], detail::multiply_add(d1, c[3 + b], d2 * c[6 + b])), sum);
       detail::as_floats(out)[j] = sum;
     }
   }
@@ -141,27 +145,17 @@ class LayeredSystem {
   bool factor(const double* diagonal) noexcept {
     const int n = detail::in_registers(size_);
     for (int c = 0; c < size_; ++c) {
-      const int from = c / detail::float_lanes;  // the entries above the diagonal in its register are never read
+      const int from = c / lanes;  // the entries above the diagonal in its register are never read
       float* v = factor_column(c);
-      for (int i = from; i < n; ++i) detail::as_floats(v)[i] = detail::as_floats(column(c))[i];
+      int i = from;
+      for (; i + 2 < n; i += 3) eliminate<3>(c, i);
+      if (i + 2 == n) eliminate<2>(c, i);
+      if (i + 1 == n) eliminate<1>(c, i);
       v[c] += static_cast<float>(diagonal[c]);
-      int j = 0;
-      for (; j + 3 < c; j += 4) {
-        const float *p = factor_column(j), *q = factor_column(j + 1), *r = factor_column(j + 2), *s = factor_column(j + 3);
-        const float a = p[c], b = q[c], d = r[c], e = s[c];
-        for (int i = from; i < n; ++i)
-          detail::as_floats(v)[i] -=
-              (a * detail::as_floats(p)[i] + b * detail::as_floats(q)[i]) + (d * detail::as_floats(r)[i] + e * detail::as_floats(s)[i]);
-      }
-      for (; j < c; ++j) {
-        const float* p = factor_column(j);
-        const float a = p[c];
-        for (int i = from; i < n; ++i) detail::as_floats(v)[i] -= a * detail::as_floats(p)[i];
-      }
       if (!(v[c] > 0.0F)) return false;
       const float scale = 1.0F / std::sqrt(v[c]);
       inverse_[static_cast<std::size_t>(c)] = scale;
-      for (int i = from; i < n; ++i) detail::as_floats(v)[i] *= scale;
+      for (i = from; i < n; ++i) detail::as_floats(v)[i] *= scale;
     }
     return true;
   }
@@ -170,31 +164,66 @@ class LayeredSystem {
   void solve(double* x) noexcept {
     const int n = detail::in_registers(size_);
     float* y = work_.data();
-    for (int i = 0; i < n * detail::float_lanes; ++i) y[i] = i < size_ ? static_cast<float>(x[i]) : 0.0F;
-    for (int c = 0; c < size_; ++c) {
-      const float *p = factor_column(c), scaled = y[c] * inverse_[static_cast<std::size_t>(c)];
-      for (int i = c / detail::float_lanes; i < n; ++i) detail::as_floats(y)[i] -= scaled * detail::as_floats(p)[i];
-      y[c] = scaled;
-      done_[static_cast<std::size_t>(c)] = scaled;
+    for (int i = 0; i < n * lanes; ++i) y[i] = i < size_ ? static_cast<float>(x[i]) : 0.0F;
+    for (int r = 0; r < n; ++r) {  // forward, one register after the other
+      const int first = r * lanes, end = std::min(first + lanes, size_);
+      for (int c = first; c < end; ++c) {
+        const float* p = factor_column(c);
+        y[c] *= inverse_[static_cast<std::size_t>(c)];
+        for (int i = c + 1; i < end; ++i) y[i] -= y[c] * p[i];
+      }
+      for (int i = r + 1; i < n; ++i) {
+        detail::Floats sum = detail::as_floats(y)[i];
+        for (int c = first; c < end; ++c) sum = detail::multiply_add(detail::Floats{} - y[c], detail::as_floats(factor_column(c))[i], sum);
+        detail::as_floats(y)[i] = sum;
+      }
     }
-    for (int i = 0; i < n * detail::float_lanes; ++i) y[i] = 0.0F;
-    for (int c = size_ - 1; c >= 0; --c) {
-      const float* p = factor_column(c);
-      detail::Floats sum{};
-      for (int i = c / detail::float_lanes; i < n; ++i) sum += detail::as_floats(p)[i] * detail::as_floats(y)[i];
-      y[c] = (done_[static_cast<std::size_t>(c)] - detail::sum_of(sum)) * inverse_[static_cast<std::size_t>(c)];
-      x[c] = static_cast<double>(y[c]);
+    for (int r = n - 1; r >= 0; --r) {  // backward
+      const int first = r * lanes, end = std::min(first + lanes, size_);
+      for (int c = first; c < end; c += 4) {
+        detail::Floats sum[4] = {};
+        for (int i = r + 1; i < n; ++i)
+          for (int l = 0; l < 4; ++l)
+            sum[l] = detail::multiply_add(detail::as_floats(factor_column(c + l))[i], detail::as_floats(y)[i], sum[l]);
+        const auto sums = detail::sums_of(sum[0], sum[1], sum[2], sum[3]);
+        for (int l = 0; l < 4; ++l) y[c + l] -= sums[static_cast<std::size_t>(l)];
+      }
+      for (int i = end - 1; i >= first; --i) {
+        y[i] *= inverse_[static_cast<std::size_t>(i)];
+        for (int c = first; c < i; ++c) y[c] -= factor_column(c)[i] * y[i];
+      }
+      for (int i = end; i < first + lanes; ++i) y[i] = 0.0F;
     }
+    for (int i = 0; i < size_; ++i) x[i] = static_cast<double>(y[i]);
   }
 
  private:
+  static constexpr int lanes = detail::float_lanes;
   static constexpr int stride = capacity + 16;  // of the columns: an odd number of cache lines
+
+  /// Compute the registers `from` to from + count - 1 of column c of A less the columns before it of the factor.
+  template <int count>
+  void eliminate(int c, int from) noexcept {
+    detail::Floats even[count], odd[count] = {};
+    for (int i = 0; i < count; ++i) even[i] = detail::as_floats(column(c))[from + i];
+    const auto take = [this, c, from](int j, detail::Floats* left) {
+      const detail::Floats factor = detail::Floats{} - factor_column(j)[c];
+      for (int i = 0; i < count; ++i) left[i] = detail::multiply_add(factor, detail::as_floats(factor_column(j))[from + i], left[i]);
+    };
+    int j = 0;
+    for (; j + 1 < c; j += 2) {
+      take(j, even);
+      take(j + 1, odd);
+    }
+    if (j < c) take(j, even);
+    for (int i = 0; i < count; ++i) detail::as_floats(factor_column(c))[from + i] = even[i] + odd[i];
+  }
 
   [[nodiscard]] float* factor_column(int c) noexcept { return factor_.data()->value.data() + c * stride; }
 
   int size_ = 0;
   std::vector<detail::FloatLine> matrix_, factor_;
-  std::array<float, static_cast<std::size_t>(capacity)> inverse_{}, done_{};  // 1 / diagonal of the factor; forward solution
+  std::array<float, static_cast<std::size_t>(capacity)> inverse_{};  // 1 / diagonal of the factor
   alignas(64) std::array<float, static_cast<std::size_t>(capacity)> work_{};
 };
 

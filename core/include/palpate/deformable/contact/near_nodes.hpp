@@ -183,7 +183,7 @@ class NearNodes {
   [[nodiscard]] bool still_clear(int k, const Vector3<>& at) noexcept {
     Place& p = place(k);
     const double rest = p.clearance - (at - p.clear_at).norm();
-    if (k < engaged_ || !(rest > 0.0)) return false;
+    if (!(rest > 0.0)) return false;
     p.clear_until = travelled_ + rest;
     return true;
   }

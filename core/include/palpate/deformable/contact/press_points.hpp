@@ -55,14 +55,12 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
     stiffness += select(excess > Scalar(0.0), pressed, Scalar(0.0));
     energy += push * depth;
   }
-  PressedPoints all{.clearance = std::numeric_limits<double>::max()};
-  for (int l = 0; l < detail::float_lanes; ++l) {
-    if constexpr (!settle) {
-      for (int a = 0; a < 3; ++a) p.target[a] += static_cast<double>(force[a].v[l]);
-      p.stiffness += static_cast<double>(stiffness.v[l]);
-    }
-    all.energy += 0.5 * static_cast<double>(energy.v[l]);
-    all.clearance = std::min(all.clearance, -static_cast<double>(deepest.v[l]));
+  const PressedPoints all{.energy = 0.5 * static_cast<double>(detail::sum_of(energy.v)),
+                          .clearance = -static_cast<double>(detail::largest_of(deepest.v))};
+  if constexpr (!settle) {
+    const auto sums = detail::sums_of(force[0].v, force[1].v, force[2].v, stiffness.v);
+    p.target += Vector3<>(sums[0], sums[1], sums[2]);
+    p.stiffness += static_cast<double>(sums[3]);
   }
   return all;
 }

@@ -202,34 +202,39 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   /// Evaluate the points of the engaged nodes and of the others that may have come near. Return the energy.
   double evaluate(bool thorough) noexcept {
     double energy = 0.0;
+    for (int k = 0; k < near_.engaged(); ++k) move_node(k);  // a loop of its own: the processor works on several nodes at once
     for (int k = near_.engaged() - 1; k >= 0; --k) {
-      energy += evaluate_node(k);
+      energy += press_node(k);
       const Place& p = near_.place(k);
       if (p.stiffness == 0.0 && p.force.squaredNorm() == 0.0) near_.disengage(k);
     }
     for (int k = near_.engaged(); k < near_.count(); ++k) {
       if ((!thorough && near_.certainly_clear(k, iterations_ > 1)) || near_.tip_of(near_.place(k)).lost) continue;
-      energy += evaluate_node(k);
+      move_node(k);
+      energy += press_node(k);
       if (near_.place(k).stiffness > 0.0) near_.engage(k);
     }
     return energy;
   }
 
-  /// Evaluate the displacement of a node and its points' resultant and stiffness. Return the energy of its force and its points.
-  double evaluate_node(int k) noexcept {
+  void move_node(int k) noexcept { near_.place(k).displacement = near_.place(k).free + near_.displacement(k); }
+
+  /// Evaluate the resultant and the stiffness of a node's points. Return the energy of its force and its points.
+  double press_node(int k) noexcept {
     Place& p = near_.place(k);
     const NearNodes::Tip& tip = near_.tip_of(p);
-    const Vector3<> moved = near_.displacement(k);
-    p.displacement = p.free + moved;
     const Vector3<> at = nodes_->point(p.node) + p.displacement - tip.center;
-    if (near_.still_clear(k, at)) return 0.0;
-    const double gap = tip.shape.distance(at) - tip.points->reach(p.node);
+    double gap = 0.0;
+    if (k >= near_.engaged()) {
+      if (near_.still_clear(k, at)) return 0.0;
+      gap = tip.shape.distance(at) - tip.points->reach(p.node);
+    }
     p.target.setZero();
     p.stiffness = 0.0;
     const PressedPoints pressed = gap > 0.0 ? PressedPoints{.clearance = gap} : press_points<false>(p, tip, at, layer_of(tip));
     p.layer_energy = pressed.energy;
     near_.set_clearance(k, std::max(pressed.clearance, 0.0), at);
-    return p.layer_energy + 0.5 * p.force.dot(moved);
+    return p.layer_energy + 0.5 * p.force.dot(p.displacement - p.free);
   }
 
   /// Creep of the layer under a tip, or null.
@@ -268,7 +273,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   [[nodiscard]] bool clear_of_rest(int t) noexcept {
     for (int k = 0; k < near_.count(); ++k) {
       if (near_.place(k).tip != t) continue;
-      evaluate_node(k);
+      move_node(k);
+      press_node(k);
       if (near_.place(k).stiffness > 0.0) return false;
     }
     return true;
@@ -310,10 +316,10 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     double layers = 0.0;
     BodyMotion::Period period{.nodes = load_node_.data(), .forces = loads_.data()};
     for (int k = 0; k < near_.engaged(); ++k) {
+      move_node(k);
       Place& p = near_.place(k);
-      const Vector3<> force = node_force(k), moved = near_.displacement(k);
-      p.displacement = p.free + moved;
-      period.compliance_work += force.dot(moved);
+      const Vector3<> force = node_force(k);
+      period.compliance_work += force.dot(p.displacement - p.free);
       period.free_work += force.dot(p.free);
       settle_layer(p);
       layers += p.layer_energy + friction_.energy(p);

@@ -86,11 +86,12 @@ class ModalMotion final : public BodyMotion {
                          *y = detail::as_floats(row(node, 1)), *z = detail::as_floats(row(node, 2));
     const int n = detail::in_registers(static_cast<int>(stride_));
     for (int k = 0; k < n; ++k) {
-      sum[0] += x[k] * q[k];
-      sum[1] += y[k] * q[k];
-      sum[2] += z[k] * q[k];
+      sum[0] = detail::multiply_add(x[k], q[k], sum[0]);
+      sum[1] = detail::multiply_add(y[k], q[k], sum[1]);
+      sum[2] = detail::multiply_add(z[k], q[k], sum[2]);
     }
-    return {detail::sum_of(sum[0]), detail::sum_of(sum[1]), detail::sum_of(sum[2])};
+    const auto sums = detail::sums_of(sum[0], sum[1], sum[2], detail::Floats{});
+    return {sums[0], sums[1], sums[2]};
   }
 
   [[nodiscard]] Vector3<> next_free(std::int32_t node, const Vector3<>& /*free*/, const Vector3<>& /*by_forces*/) const noexcept override {
@@ -100,15 +101,18 @@ class ModalMotion final : public BodyMotion {
   [[nodiscard]] bool costly() const noexcept override { return true; }
 
   double advance(const Period& period) noexcept override {
-    std::fill(modal_force_.begin(), modal_force_.end(), detail::FloatLine());
     float* const push = modal_force_.data()->value.data();
     const int n = detail::in_registers(static_cast<int>(stride_));
-    for (int c = 0; c < period.count; ++c)
-      for (int a = 0; a < 3; ++a) {
-        const detail::Floats* shape = detail::as_floats(row(period.nodes[c], a));
-        const auto force = static_cast<float>(period.forces[c][a]);
-        for (int k = 0; k < n; ++k) detail::as_floats(push)[k] += force * shape[k];
-      }
+    for (int k = 0; k < n; k += unrolled) {
+      detail::Floats sum[unrolled] = {};
+      for (int c = 0; c < period.count; ++c)
+        for (int a = 0; a < 3; ++a) {
+          const detail::Floats* shape = detail::as_floats(row(period.nodes[c], a)) + k;
+          const detail::Floats force = detail::Floats{} + static_cast<float>(period.forces[c][a]);
+          for (int i = 0; i < unrolled; ++i) sum[i] = detail::multiply_add(force, shape[i], sum[i]);
+        }
+      for (int i = 0; i < unrolled; ++i) detail::as_floats(push)[k + i] = sum[i];
+    }
     const double modal_work = (transition_[3] * Eigen::Map<const Eigen::ArrayXf>(push, omega2_.size()).cast<double>().square()).sum();
     step_modes(push);
     double twice = (state_[1].square() + omega2_ * state_[0].square()).sum();
@@ -129,7 +133,8 @@ class ModalMotion final : public BodyMotion {
 
  private:
   using Values = Eigen::ArrayXd;
-  static constexpr std::size_t lanes = 16;
+  static constexpr std::size_t lanes = 16;  // modes are padded to a multiple of it
+  static constexpr int unrolled = static_cast<int>(lanes) / detail::float_lanes;
 
   [[nodiscard]] static Vector3<> counted(const Vector3<>& normal, const Vector3<>& v, double sideways) {
     return sideways * v + (1.0 - sideways) * normal.dot(v) * normal;

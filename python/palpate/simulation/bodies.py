@@ -62,14 +62,9 @@ def resolves_tip(trace: Recorded, row: int) -> bool:
 
     False also if the body is no longer there.
     """
-    try:
-        scenario = Scenario.from_dict(trace.metadata["scenario"])
-        choice = scenario.object.body
-        if choice is None or not _is_there(choice):
-            return False
-        body = scenario_body(scenario)
-    except PalpateError:
+    if (found := _recorded_body(trace)) is None:
         return False
+    scenario, choice, body = found
     tip = _tip_in_body(trace, scenario, body)[row]
     return body.record.get("order") == 2 and not unresolved(body.nodes, tip, choice.radius, choice.tip)
 
@@ -79,16 +74,23 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
 
     False also if the body is no longer there.
     """
+    if (found := _recorded_body(trace)) is None:
+        return False
+    scenario, choice, body = found
+    axis = np.array([0.0, 0.0, 1.0]) if choice.tip == "flat" else None
+    return bool(body.overlaps_fixed(_tip_in_body(trace, scenario, body)[rows], choice.radius, axis).any())
+
+
+def _recorded_body(trace: Recorded) -> tuple[Scenario, BodyChoice, Body] | None:
+    """Return the scenario of a trace, its choice of a body and the body, or None if there is none or it is gone."""
     try:
         scenario = Scenario.from_dict(trace.metadata["scenario"])
         choice = scenario.object.body
         if choice is None or not _is_there(choice):
-            return False
-        body = scenario_body(scenario)
+            return None
+        return scenario, choice, scenario_body(scenario)
     except PalpateError:
-        return False
-    axis = np.array([0.0, 0.0, 1.0]) if choice.tip == "flat" else None
-    return bool(body.overlaps_fixed(_tip_in_body(trace, scenario, body)[rows], choice.radius, axis).any())
+        return None
 
 
 def _is_there(choice: BodyChoice) -> bool:

@@ -37,6 +37,18 @@ def test_a_small_contact_is_softer_than_with_nodes_alone_and_a_large_one_alike(b
     assert 0.8 < body.indent(*large).force[2] / nodal.indent(*large).force[2] < 1.0
 
 
+def test_a_flat_end_that_slides_as_it_touches_and_leaves_keeps_its_contact(body: Body) -> None:
+    """Friction dissipates the tip's work; that is no push through the body."""
+    s = np.linspace(0.0, 1.0, 300)[:, None]
+    path = np.array([0.016, 0.02, TOP + 2e-4]) + s * [8e-3, 0.0, 0.0] - np.sin(np.pi * s) ** 2 * [0.0, 0.0, 2.2e-3]
+    smooth = body.signed_distance().simulate_path(path, 5e-3, outward=[0.0, 0.0, 1.0], tip="flat")
+    for friction in (0.1, 0.3, 0.7):
+        rough = body.signed_distance(static_friction=friction)
+        felt = rough.simulate_path(path, 5e-3, outward=[0.0, 0.0, 1.0], tip="flat")
+        assert not felt.lost.any()
+        assert felt.force[:, 2] == pytest.approx(smooth.force[:, 2], abs=0.15 * smooth.force[:, 2].max())
+
+
 def test_the_displacement_is_the_compliance_times_the_forces(body: Body) -> None:
     felt = body.indent(AT, 8e-3, 3e-3)
     nodes, inward = body.core.contact_forces()

@@ -284,23 +284,35 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return (tip.center - nodes_->point(node)).dot(nodes_->normal(node));
   }
 
-  /// Release the body from a tip that has been pushed through: its center is below the surface at rest, and the energy of the tick has
-  /// dropped by more than the tips' work and a tenth. Of several tips, those whose force has halved are released.
+  /// Release the body from a tip that has been pushed through: its center is below the surface at rest, that of a flat end by a quarter of
+  /// the radius, and the energy of the tick has dropped by more than the tips' work, less that of friction, and a tenth. Of several tips,
+  /// those whose force has halved are released.
   void check_pushed_through(const Forces& before) noexcept {
     double work = 0.0;
     for (int t = 0; t < near_.tip_count(); ++t) work += 0.5 * near_.tip(t).last_move.dot(before[at(t)] + near_.tip(t).force);
-    const double drop = last_energy_ + work - tick_energy_, allowed = motion_ ? 0.5 : 0.1;
+    const double drop = last_energy_ + work - rubbed() - tick_energy_, allowed = motion_ ? 0.5 : 0.1;
     if (!(last_energy_ > 0.0 && drop > allowed * (last_energy_ + std::abs(work)))) return;
     for (int t = 0; t < near_.tip_count(); ++t) {
       NearNodes::Tip& tip = near_.tip(t);
       const int nearest = near_.nearest(t);
-      if (nearest < 0 || height_over(near_.place(nearest).node, tip) > 0.0) continue;
+      const double sunk = tip.shape.shape == TipGeometry::Shape::capsule ? 0.0 : 0.25 * tip.shape.radius;
+      if (nearest < 0 || height_over(near_.place(nearest).node, tip) > -sunk) continue;
       if (near_.tip_count() > 1 && tip.force.squaredNorm() > 0.25 * before[at(t)].squaredNorm()) continue;
       tip.lost = true;
       near_.release(t);
       if (near_.tip_count() == 1) tick_energy_ = 0.0;
     }
     sum_forces();
+  }
+
+  /// Bound on the energy that friction dissipates in this tick, J.
+  [[nodiscard]] double rubbed() const noexcept {
+    double work = 0.0;
+    for (int k = 0; friction_ && k < near_.engaged(); ++k) {
+      const Place& p = near_.place(k);
+      if (p.rubs) work += p.traction.norm() * (p.displacement - near_.tip_of(p).center - p.last_relative).norm();
+    }
+    return work;
   }
 
   /// Sum the forces of each tip on the body, and on the first one without friction.

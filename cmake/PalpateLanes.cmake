@@ -26,15 +26,20 @@ set(palpate_flags_2)
 set(palpate_flags_4 -mavx2 -mfma)
 set(palpate_flags_8 -mavx512f -mavx512dq -mavx512vl -mfma -mprefer-vector-width=512)
 
-# Hyperelastic solvers. -fno-weak: each width needs its own copy of the solver's templates, so the linker must not merge them. -w: with
-# -fno-weak, g++ warns about constants in headers; the core's tests compile these headers with all warnings. -ffp-contract=fast: fused
-# multiply-add speeds the solver up, and its results need not be the same bits on another machine.
+# Options of a source that shares templates with others. -fno-weak: each width needs its own copy of them, so the linker must not merge
+# them. -fno-rtti: with -fno-weak, type information is compared by a function that not every standard library has. -w: with -fno-weak, g++
+# warns about constants in headers; the core's tests compile these headers with all warnings.
+set(palpate_own_copy)
+if(palpate_local_inlines)
+  set(palpate_own_copy -fno-weak -fno-rtti -w)
+endif()
+
+# Hyperelastic solvers. -ffp-contract=fast: fused multiply-add speeds the solver up, and its results need not be the same bits on another
+# machine.
 set(palpate_hyperelastic_lanes ${CMAKE_CURRENT_LIST_DIR}/../core/src/hyperelastic_lanes.cpp)
 
 function(palpate_add_lanes target)
-  if(palpate_local_inlines)
-    set_source_files_properties(${palpate_hyperelastic_lanes} PROPERTIES COMPILE_OPTIONS "-fno-weak;-w;-ffp-contract=fast")
-  endif()
+  set_source_files_properties(${palpate_hyperelastic_lanes} PROPERTIES COMPILE_OPTIONS "-ffp-contract=fast;${palpate_own_copy}")
   foreach(lanes IN ITEMS 2 ${palpate_wide})
     set(sources ${ARGN})
     if(lanes EQUAL 2 AND PALPATE_NATIVE_LANES AND palpate_wide)

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "body_in_loop.hpp"
+#include "body_lanes.hpp"
 #include "contact_rows.hpp"
 #include "surface_frames.hpp"
 
@@ -247,15 +248,15 @@ void bind_mass_spring(nb::module_& m) {
 }
 
 struct SignedDistanceCore : BodyInLoop {
-  palpate::object::SignedDistanceBody body;
+  std::unique_ptr<palpate::object::SignedDistanceBody> body;
 
-  explicit SignedDistanceCore(std::shared_ptr<const palpate::object::SignedDistanceBody::Data> data) : body(std::move(data)) {}
-  [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override { return body.clone_at_rest(); }
+  explicit SignedDistanceCore(std::unique_ptr<palpate::object::SignedDistanceBody> of) : body(std::move(of)) {}
+  [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override { return body->clone_at_rest(); }
 
   /// Force on a contact node along its inward normal, N.
   [[nodiscard]] double inward_force(std::size_t k) const {
     const auto c = static_cast<int>(k);
-    return -body.node_force(c).dot(body.nodes().normal(body.contact().contact_node(c)));
+    return -body->node_force(c).dot(body->nodes().normal(body->contact().contact_node(c)));
   }
 };
 
@@ -273,7 +274,7 @@ palpate::deformable::ContactSurface contact_surface(const Points& vertices, cons
 auto step_tips(palpate::object::SignedDistanceBody& body, const Tensor& centers, const Points& axes, const Numbers& radii,
                const Numbers& lengths, const Numbers& rims) {
   using palpate::deformable::SignedDistanceContact, palpate::deformable::TipGeometry;
-  SignedDistanceContact& contact = body.contact();
+  const SignedDistanceContact& contact = body.contact();
   const std::size_t n = centers.shape(0), count = static_cast<std::size_t>(contact.tip_count());
   for (const std::size_t size : {centers.shape(1), axes.shape(0), radii.shape(0), lengths.shape(0), rims.shape(0)})
     if (size != count) throw nb::value_error("the paths and shapes do not match the number of tips");
@@ -287,7 +288,7 @@ auto step_tips(palpate::object::SignedDistanceBody& body, const Tensor& centers,
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t t = 0; t < count; ++t)
       tips[t].center = Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * (count * i + t));
-    contact.step(tips.data());
+    body.step(tips.data());
     for (std::size_t t = 0; t < count; ++t, row += result_width) write_result(contact.last(static_cast<int>(t)), row);
   }
   return rows;
@@ -300,7 +301,7 @@ void bind_signed_distance(nb::module_& m) {
           [](SignedDistanceCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
              const Points& vertices, const IndexRows<3>& triangles, const Indices& node, const Numbers& modulus, double poisson,
              const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instantaneous_ratio,
-             double retardation_time, double sideways, int tips, double mu_static, double mu_dynamic) {
+             double retardation_time, double sideways, int tips, double mu_static, double mu_dynamic, int lanes) {
             using palpate::deformable::Compliance, palpate::deformable::SignedDistanceContact;
             auto nodes = BodyCore<Compliance>::fitting(at, normals, areas, compliance);
             if (modulus.shape(0) != at.shape(0)) throw nb::value_error("the sizes of the body's arrays do not match");
@@ -318,31 +319,32 @@ void bind_signed_distance(nb::module_& m) {
                 .retardation_time = retardation_time,
                 .tips = tips,
             };
-            new (self) SignedDistanceCore(
-                std::make_shared<const palpate::object::SignedDistanceBody::Data>(std::move(nodes), compliance.data(), surface, options));
+            new (self)
+                SignedDistanceCore(palpate::body::make_signed_distance_body(std::move(nodes), compliance.data(), surface, options, lanes));
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "vertices"_a, "triangles"_a, "node"_a, "modulus"_a, "poisson"_a, "shapes"_a,
           "frequencies"_a, "period"_a = 1e-3, "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0, "instantaneous_ratio"_a = 1.0,
-          "retardation_time"_a = 1.0, "sideways"_a = 1.0, "tips"_a = 1, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
+          "retardation_time"_a = 1.0, "sideways"_a = 1.0, "tips"_a = 1, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0,
+          "lanes"_a = 0, "`lanes`: width of the registers as for run_cells; the forces do not depend on it.")
       .def(
           "simulate_path",
           [](SignedDistanceCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
-            return step_path(self.body, centers, outward, radius, flat);
+            return step_path(*self.body, centers, outward, radius, flat);
           },
           "centers"_a, "outward"_a, "radius"_a, "flat"_a, path_text)
       .def(
           "step_durations",
           [](SignedDistanceCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
-            return path_durations(self.body, centers, outward, radius, flat);
+            return path_durations(*self.body, centers, outward, radius, flat);
           },
           "centers"_a, "outward"_a, "radius"_a, "flat"_a, durations_text)
       .def(
           "contact_forces",
           [](const SignedDistanceCore& self) {
-            const auto n = static_cast<std::size_t>(self.body.contact().contact_count());
+            const auto n = static_cast<std::size_t>(self.body->contact().contact_count());
             auto [nodes, i] = new_array<std::int64_t>({n});
             auto [forces, f] = new_array<double>({n});
-            for (std::size_t k = 0; k < n; ++k) i[k] = self.body.contact().contact_node(static_cast<int>(k));
+            for (std::size_t k = 0; k < n; ++k) i[k] = self.body->contact().contact_node(static_cast<int>(k));
             for (std::size_t k = 0; k < n; ++k) f[k] = self.inward_force(k);
             return nb::make_tuple(nodes, forces);
           },
@@ -350,25 +352,25 @@ void bind_signed_distance(nb::module_& m) {
       .def(
           "friction_forces",
           [](const SignedDistanceCore& self) {
-            return new_points(static_cast<std::size_t>(self.body.contact().contact_count()), [&](std::size_t k) {
-              const palpate::math::Vector3<>& n = self.body.nodes().normal(self.body.contact().contact_node(static_cast<int>(k)));
-              return palpate::math::Vector3<>(self.body.sideways() *
-                                              (self.body.node_force(static_cast<int>(k)) + self.inward_force(k) * n));
+            return new_points(static_cast<std::size_t>(self.body->contact().contact_count()), [&](std::size_t k) {
+              const palpate::math::Vector3<>& n = self.body->nodes().normal(self.body->contact().contact_node(static_cast<int>(k)));
+              return palpate::math::Vector3<>(self.body->sideways() *
+                                              (self.body->node_force(static_cast<int>(k)) + self.inward_force(k) * n));
             });
           },
           "Return the parts of the forces across the normals that load the body, at the contact nodes of the last step (n, 3), N.")
       .def(
           "simulate_tips",
           [](SignedDistanceCore& self, const Tensor& centers, const Points& axes, const Numbers& radii, const Numbers& lengths,
-             const Numbers& rims) { return step_tips(self.body, centers, axes, radii, lengths, rims); },
+             const Numbers& rims) { return step_tips(*self.body, centers, axes, radii, lengths, rims); },
           "centers"_a, "axes"_a, "radii"_a, "lengths"_a, "rims"_a,
           "Step all tips along their paths `centers` (m, tips, 3). A tip is a capsule of a length, or a cylinder where its rim is "
           "positive. "
           "Return rows as `simulate_path` for each step and tip (m, tips, 15).")
       .def_prop_ro(
-          "has_memory", [](const SignedDistanceCore& self) { return self.body.has_memory(); },
+          "has_memory", [](const SignedDistanceCore& self) { return self.body->has_memory(); },
           "Whether the force depends on the past: inertia or creep.")
-      .def("reset", [](SignedDistanceCore& self) { self.body.reset(); });
+      .def("reset", [](SignedDistanceCore& self) { self.body->reset(); });
 }
 
 }  // namespace

@@ -331,10 +331,11 @@ def test_a_body_that_collapses_gives_bounded_forces_no_energy_and_comes_back() -
     np.testing.assert_allclose(again[:, 2], force[:700], atol=0.02 * force[:700].max())
 
 
-def test_wide_code_of_the_solids_is_shared_with_nothing() -> None:
+@pytest.mark.parametrize("source", ["hyperelastic_lanes.cpp", "body_lanes.cpp"])
+def test_wide_code_of_bodies_is_shared_with_nothing(source: str) -> None:
     """The same templates are compiled for several widths of registers: each file's copy is its own."""
     names = shutil.which("nm")
-    built = sorted(ROOT.glob("build/*/python/src/CMakeFiles/_core_lanes_[48].dir/**/hyperelastic_lanes.cpp.o"))
+    built = sorted(ROOT.glob(f"build/*/python/src/CMakeFiles/_core_lanes_[48].dir/**/{source}.o"))
     if names is None or not built:
         pytest.skip("needs nm and the object files that an editable install leaves in build/")
     for file in built:

@@ -20,7 +20,7 @@ AT = [0.0203, 0.0196, TOP]
 def body() -> Body:
     """40 x 40 x 20 mm of 10 kPa, bonded below, cells of 4 mm, the whole surface touched."""
     volume = block((0.04, 0.04, TOP), (4e-3, 4e-3, 5e-3))
-    made = bodies.build(volume, young=10e3, fixed="z < 0.001 mm")
+    made = bodies.build(volume, young=10e3, fixed="z < 0.001 mm", modes=12)
     return made.signed_distance()
 
 
@@ -35,6 +35,35 @@ def test_a_small_contact_is_softer_than_with_nodes_alone_and_a_large_one_alike(b
     small, large = ((AT, 8e-3, 1.5e-3), ([0.02, 0.02, TOP], 40e-3, 2e-3))
     assert nodal.indent(*small).force[2] > 1.15 * body.indent(*small).force[2]
     assert 0.8 < body.indent(*large).force[2] / nodal.indent(*large).force[2] < 1.0
+
+
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+@pytest.mark.parametrize("memory", ["none", "creep", "modes"])
+def test_the_force_does_not_depend_on_the_registers_of_the_machine(
+    monkeypatch: pytest.MonkeyPatch, body: Body, memory: str, tip: TipShape
+) -> None:
+    """The code for the narrowest and for the widest registers gives the same bits, with friction too."""
+    s = np.linspace(0.0, 1.0, 400)[:, None]
+    path = np.array([0.012, 0.017, TOP + 4e-3]) + s * [0.02, 0.006, 0.0] - np.sin(np.pi * s) ** 2 * [0.0, 0.0, 6e-3]
+    make, felt = _core.SignedDistanceBody, []
+    rough = {"contact": "signed_distance", "static_friction": 0.4, "dynamic_friction": 0.3}
+
+    class Narrow(_core.SignedDistanceBody):
+        def __init__(self, *args: object, **options: object) -> None:
+            super().__init__(*args, **options, lanes=2)
+
+    for core in (make, Narrow):
+        monkeypatch.setattr(_core, "SignedDistanceBody", core)
+        if memory == "creep":
+            made = body.viscoelastic("1 ms", instantaneous_ratio=2.0, retardation_time="0.1 s", **rough)
+        elif memory == "modes":
+            made = body.modal("1 ms", rayleigh_beta=1e-4, **rough)
+        else:
+            made = body.signed_distance(static_friction=0.4, dynamic_friction=0.3)
+        felt.append(made.simulate_path(path, 5e-3, tip=tip, outward=[0.0, 0.0, 1.0] if tip == "flat" else None))
+    assert np.abs(felt[0].force).max() > 0.05
+    for name in ("force", "deflection", "energy"):
+        np.testing.assert_array_equal(getattr(felt[0], name), getattr(felt[1], name))
 
 
 def test_a_flat_end_that_slides_as_it_touches_and_leaves_keeps_its_contact(body: Body) -> None:

@@ -38,7 +38,7 @@ struct SignedDistanceOptions {
 ///   BodyPlacement placement{.body = std::make_shared<SignedDistanceBody>(data)};
 ///
 /// `nodes`, `full` and the surface's vertices and triangles are those of a body file: nodes, compliance, points, contact triangles.
-class SignedDistanceBody final : public DeformableObject {
+class SignedDistanceBody : public DeformableObject {
  public:
   /// Data that copies share.
   struct Data {
@@ -85,11 +85,14 @@ class SignedDistanceBody final : public DeformableObject {
   const deformable::ContactResult& step(const deformable::Tip& tip) noexcept override { return step(shape_of(tip), tip.center); }
 
   /// Advance by one period with a tip of any shape, centered at `center` [m].
-  const deformable::ContactResult& step(const deformable::TipGeometry& tip, const Vector3<>& center) noexcept {
+  virtual const deformable::ContactResult& step(const deformable::TipGeometry& tip, const Vector3<>& center) noexcept {
     const deformable::ContactResult& result = contact_.step(tip, center);
     for (int k = 0; k < contact_.contact_count(); ++k) contact_nodes_[static_cast<std::size_t>(k)] = contact_.contact_node(k);
     return result;
   }
+
+  /// Advance by one period with all tips; see contact().last().
+  virtual void step(const deformable::SignedDistanceContact::PlacedTip* tips) noexcept { contact_.step(tips); }
 
   /// Shape of a tip of the kinds that all bodies know.
   [[nodiscard]] deformable::TipGeometry shape_of(const deformable::Tip& tip) const noexcept {
@@ -105,8 +108,7 @@ class SignedDistanceBody final : public DeformableObject {
   [[nodiscard]] const deformable::SurfaceNodes& nodes() const noexcept { return data_->nodes; }
   [[nodiscard]] double sideways() const noexcept { return data_->sideways; }
   [[nodiscard]] bool has_memory() const noexcept { return data_->motion != nullptr; }
-  /// Contact of all tips; step them by it.
-  [[nodiscard]] deformable::SignedDistanceContact& contact() noexcept { return contact_; }
+  /// Contact of all tips.
   [[nodiscard]] const deformable::SignedDistanceContact& contact() const noexcept { return contact_; }
 
   /// In contact the direction of the normal force on the tip, otherwise the normal of the nearest node. It has no influence on the force.

@@ -64,17 +64,16 @@ TEST(LayerPoint, PointsSideBySideAreThoseOneByOne) {
       for (std::size_t l = 0; l < places.size(); ++l) {
         places[l] = draw_point_case(random, kind).place;
         for (int a = 0; a < 3; ++a) {
-          place[a].v[static_cast<int>(l)] = static_cast<float>(places[l][a]);
-          normal[a].v[static_cast<int>(l)] = static_cast<float>(c.normal[a]);
+          place[a].set(l, static_cast<float>(places[l][a]));
+          normal[a].set(l, static_cast<float>(c.normal[a]));
         }
       }
       const auto packed = palpate::deformable::press_point<Pack>(
           c.tip, place, normal, {Pack(tested_layer.stiffness), Pack(tested_layer.radius), Pack(tested_layer.inverse)});
       for (std::size_t l = 0; l < places.size(); ++l) {
         const auto one = palpate::deformable::press_point<double>(c.tip, places[l], c.normal, tested_layer);
-        EXPECT_NEAR(static_cast<double>(packed.energy.v[static_cast<int>(l)]), one.energy, 1e-4 * one.energy + 1e-10);
-        for (int a = 0; a < 3; ++a)
-          EXPECT_NEAR(static_cast<double>(packed.force[a].v[static_cast<int>(l)]), one.force[a], 1e-3 * one.force.norm() + 1e-5);
+        EXPECT_NEAR(static_cast<double>(packed.energy[l]), one.energy, 1e-4 * one.energy + 1e-10);
+        for (int a = 0; a < 3; ++a) EXPECT_NEAR(static_cast<double>(packed.force[a][l]), one.force[a], 1e-3 * one.force.norm() + 1e-5);
       }
     }
 }

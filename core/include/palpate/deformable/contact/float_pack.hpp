@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 
 #if defined(__AVX__)
 #include <immintrin.h>
@@ -16,127 +18,161 @@ namespace palpate::deformable {
 
 namespace detail {
 
-/// Single-precision vector as wide as one register of the target.
-#if defined(__AVX__)
-constexpr int float_lanes = 8;
-using Floats [[gnu::vector_size(32), gnu::may_alias]] = float;
-#else
-constexpr int float_lanes = 4;
-using Floats [[gnu::vector_size(16), gnu::may_alias]] = float;
-#endif
+constexpr int float_lanes = 8;  ///< of a FloatPack, on every target
 
 /// Storage of single-precision numbers, aligned to a cache line.
 struct alignas(64) FloatLine {
   std::array<float, 16> value{};
 };
 
-[[nodiscard, gnu::always_inline]] inline const Floats* as_floats(const float* p) noexcept {
-  return reinterpret_cast<const Floats*>(p);
-}
-[[nodiscard, gnu::always_inline]] inline Floats* as_floats(float* p) noexcept {
-  return reinterpret_cast<Floats*>(p);
-}
-[[nodiscard]] constexpr int in_registers(int count) noexcept {
+/// Number of packs that hold `count` numbers.
+[[nodiscard]] constexpr int in_packs(int count) noexcept {
   return (count + float_lanes - 1) / float_lanes;
 }
-/// a b + c, rounded once where the target can.
-[[nodiscard, gnu::always_inline]] inline Floats multiply_add(const Floats& a, const Floats& b, const Floats& c) noexcept {
-#if defined(__AVX__) && defined(__FMA__)
-  return Floats(_mm256_fmadd_ps(__m256(a), __m256(b), __m256(c)));
-#else
-  return a * b + c;
-#endif
-}
 
-/// Sums of the lanes of four vectors.
-[[nodiscard, gnu::always_inline]] inline std::array<float, 4> sums_of(const Floats& a, const Floats& b, const Floats& c,
-                                                                      const Floats& d) noexcept {
-  std::array<float, 4> sums{};
+/// Eight single-precision numbers, in one register with AVX and in two without. Products and sums are rounded separately, and the lanes
+/// are added in one order: the same numbers give the same bits on every target. A scalar type for formulas written once for any scalar.
+struct [[gnu::may_alias]] FloatPack {
+  using Four [[gnu::vector_size(16), gnu::may_alias]] = float;
 #if defined(__AVX__)
-  const __m256 pairs = _mm256_hadd_ps(_mm256_hadd_ps(__m256(a), __m256(b)), _mm256_hadd_ps(__m256(c), __m256(d)));
-  _mm_storeu_ps(sums.data(), _mm_add_ps(_mm256_castps256_ps128(pairs), _mm256_extractf128_ps(pairs, 1)));
+  using Register [[gnu::vector_size(32), gnu::may_alias]] = float;
 #else
-  for (int l = 0; l < float_lanes; ++l) {
-    sums[0] += a[l];
-    sums[1] += b[l];
-    sums[2] += c[l];
-    sums[3] += d[l];
-  }
+  using Register = Four;
 #endif
-  return sums;
-}
+  static constexpr std::size_t width = sizeof(Register) / sizeof(float), registers = 8 / width;
 
-/// Sum of the lanes of a vector.
-[[nodiscard, gnu::always_inline]] inline float sum_of(const Floats& v) noexcept {
-#if defined(__AVX__)
-  const __m128 four = _mm_add_ps(_mm256_castps256_ps128(__m256(v)), _mm256_extractf128_ps(__m256(v), 1));
-  const __m128 two = _mm_add_ps(four, _mm_movehl_ps(four, four));
-  return _mm_cvtss_f32(_mm_add_ss(two, _mm_movehdup_ps(two)));
-#else
-  float sum = 0.0F;
-  for (int l = 0; l < float_lanes; ++l) sum += v[l];
-  return sum;
-#endif
-}
-
-/// Largest lane of a vector.
-[[nodiscard, gnu::always_inline]] inline float largest_of(const Floats& v) noexcept {
-#if defined(__AVX__)
-  const __m128 four = _mm_max_ps(_mm256_castps256_ps128(__m256(v)), _mm256_extractf128_ps(__m256(v), 1));
-  const __m128 two = _mm_max_ps(four, _mm_movehl_ps(four, four));
-  return _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)));
-#else
-  float most = v[0];
-  for (int l = 1; l < float_lanes; ++l) most = v[l] > most ? v[l] : most;
-  return most;
-#endif
-}
-
-/// One register of single-precision numbers as a scalar type, for formulas written once for any scalar (TipGeometry).
-struct FloatPack {
-  Floats v{};
+  Register part[registers];
 
   struct Mask {
-    using Bits = decltype(Floats() < Floats());
-    Bits bits;
-    [[gnu::always_inline]] friend Mask operator&(Mask a, Mask b) { return {a.bits & b.bits}; }
+    using Bits = decltype(Register() < Register());
+    Bits part[registers];
+
+    [[gnu::always_inline]] friend Mask operator&(Mask a, const Mask& b) {
+      for (std::size_t i = 0; i < registers; ++i) a.part[i] &= b.part[i];
+      return a;
+    }
+    [[nodiscard, gnu::always_inline]] friend bool any(const Mask& m) {
+#if defined(__AVX__)
+      return _mm256_movemask_ps(__m256(m.part[0])) != 0;
+#elif defined(__SSE2__)
+      return _mm_movemask_ps(__m128(m.part[0] | m.part[1])) != 0;
+#else
+      bool set = false;
+      for (const Bits& bits : m.part)
+        for (std::size_t l = 0; l < width; ++l) set = set || bits[l] != 0;
+      return set;
+#endif
+    }
   };
 
-  FloatPack() = default;
-  [[gnu::always_inline]] FloatPack(double all) : v(Floats{} + static_cast<float>(all)) {}  // NOLINT(google-explicit-constructor)
-  [[gnu::always_inline]] explicit FloatPack(Floats x) : v(x) {}
+  [[gnu::always_inline]] FloatPack() : FloatPack(0.0) {}
+  [[gnu::always_inline]] FloatPack(double all) {  // NOLINT(google-explicit-constructor)
+    for (Register& r : part) r = Register{} + static_cast<float>(all);
+  }
 
-  [[gnu::always_inline]] FloatPack& operator+=(FloatPack o) { return v += o.v, *this; }
-  [[gnu::always_inline]] FloatPack& operator-=(FloatPack o) { return v -= o.v, *this; }
-  [[gnu::always_inline]] friend FloatPack operator+(FloatPack a, FloatPack b) { return FloatPack(Floats(a.v + b.v)); }
-  [[gnu::always_inline]] friend FloatPack operator-(FloatPack a, FloatPack b) { return FloatPack(Floats(a.v - b.v)); }
-  [[gnu::always_inline]] friend FloatPack operator*(FloatPack a, FloatPack b) { return FloatPack(Floats(a.v * b.v)); }
-  [[gnu::always_inline]] friend FloatPack operator/(FloatPack a, FloatPack b) { return FloatPack(Floats(a.v / b.v)); }
-  [[gnu::always_inline]] friend bool any(Mask m) {
+  [[nodiscard, gnu::always_inline]] float operator[](std::size_t lane) const { return part[lane / width][lane % width]; }
+  [[gnu::always_inline]] void set(std::size_t lane, float x) { part[lane / width][lane % width] = x; }
+
+  /// Lanes 4 i to 4 i + 3.
+  [[nodiscard, gnu::always_inline]] Four half(int i) const {
 #if defined(__AVX__)
-    return _mm256_movemask_ps(__m256(m.bits)) != 0;
-#elif defined(__SSE2__)
-    return _mm_movemask_ps(__m128(m.bits)) != 0;
+    return Four(i == 0 ? _mm256_castps256_ps128(__m256(part[0])) : _mm256_extractf128_ps(__m256(part[0]), 1));
 #else
-    bool set = false;
-    for (int l = 0; l < float_lanes; ++l) set = set || m.bits[l] != 0;
-    return set;
+    return part[i];
 #endif
   }
-  [[gnu::always_inline]] friend Mask operator<(FloatPack a, FloatPack b) { return {a.v < b.v}; }
-  [[gnu::always_inline]] friend Mask operator>(FloatPack a, FloatPack b) { return {a.v > b.v}; }
-  [[gnu::always_inline]] friend FloatPack select(Mask m, FloatPack a, FloatPack b) { return FloatPack(Floats(m.bits ? a.v : b.v)); }
+
+  [[gnu::always_inline]] FloatPack& operator+=(const FloatPack& o) {
+    return each(o, [](Register& a, const Register& b) { a += b; });
+  }
+  [[gnu::always_inline]] FloatPack& operator-=(const FloatPack& o) {
+    return each(o, [](Register& a, const Register& b) { a -= b; });
+  }
+  [[gnu::always_inline]] FloatPack& operator*=(const FloatPack& o) {
+    return each(o, [](Register& a, const Register& b) { a *= b; });
+  }
+  [[gnu::always_inline]] FloatPack& operator/=(const FloatPack& o) {
+    return each(o, [](Register& a, const Register& b) { a /= b; });
+  }
+  [[gnu::always_inline]] friend FloatPack operator+(FloatPack a, const FloatPack& b) { return a += b; }
+  [[gnu::always_inline]] friend FloatPack operator-(FloatPack a, const FloatPack& b) { return a -= b; }
+  [[gnu::always_inline]] friend FloatPack operator*(FloatPack a, const FloatPack& b) { return a *= b; }
+  [[gnu::always_inline]] friend FloatPack operator/(FloatPack a, const FloatPack& b) { return a /= b; }
+  [[gnu::always_inline]] friend Mask operator<(const FloatPack& a, const FloatPack& b) {
+    Mask m;
+    for (std::size_t i = 0; i < registers; ++i) m.part[i] = a.part[i] < b.part[i];
+    return m;
+  }
+  [[gnu::always_inline]] friend Mask operator>(const FloatPack& a, const FloatPack& b) { return b < a; }
+  [[gnu::always_inline]] friend FloatPack select(const Mask& m, FloatPack a, const FloatPack& b) {
+    for (std::size_t i = 0; i < registers; ++i) a.part[i] = m.part[i] ? a.part[i] : b.part[i];
+    return a;
+  }
   [[gnu::always_inline]] friend FloatPack sqrt(FloatPack x) {
+    for (Register& r : x.part) {
 #if defined(__AVX__)
-    return FloatPack(Floats(_mm256_sqrt_ps(__m256(x.v))));
+      r = Register(_mm256_sqrt_ps(__m256(r)));
 #elif defined(__SSE2__)
-    return FloatPack(Floats(_mm_sqrt_ps(__m128(x.v))));
+      r = Register(_mm_sqrt_ps(__m128(r)));
 #else
-    for (int l = 0; l < float_lanes; ++l) x.v[l] = std::sqrt(x.v[l]);
-    return x;
+      for (std::size_t l = 0; l < width; ++l) r[l] = std::sqrt(r[l]);
 #endif
+    }
+    return x;
+  }
+
+ private:
+  template <class Change>
+  [[gnu::always_inline]] FloatPack& each(const FloatPack& o, Change change) {
+    for (std::size_t i = 0; i < registers; ++i) change(part[i], o.part[i]);
+    return *this;
   }
 };
+
+[[nodiscard, gnu::always_inline]] inline const FloatPack* as_packs(const float* p) noexcept {
+  return reinterpret_cast<const FloatPack*>(p);
+}
+[[nodiscard, gnu::always_inline]] inline FloatPack* as_packs(float* p) noexcept {
+  return reinterpret_cast<FloatPack*>(p);
+}
+
+/// Sums of neighboring lanes: a0 + a1, a2 + a3, b0 + b1, b2 + b3.
+[[nodiscard, gnu::always_inline]] inline FloatPack::Four sums_of_pairs(FloatPack::Four a, FloatPack::Four b) noexcept {
+#if defined(__SSE2__)
+  return FloatPack::Four(_mm_shuffle_ps(__m128(a), __m128(b), 0x88)) + FloatPack::Four(_mm_shuffle_ps(__m128(a), __m128(b), 0xdd));
+#else
+  return FloatPack::Four{a[0] + a[1], a[2] + a[3], b[0] + b[1], b[2] + b[3]};
+#endif
+}
+
+/// Sums of the lanes of four packs.
+[[nodiscard, gnu::always_inline]] inline std::array<float, 4> sums_of(const FloatPack& a, const FloatPack& b, const FloatPack& c,
+                                                                      const FloatPack& d) noexcept {
+#if defined(__AVX__)
+  const __m256 pairs =
+      _mm256_hadd_ps(_mm256_hadd_ps(__m256(a.part[0]), __m256(b.part[0])), _mm256_hadd_ps(__m256(c.part[0]), __m256(d.part[0])));
+  const auto sums = FloatPack::Four(_mm256_castps256_ps128(pairs)) + FloatPack::Four(_mm256_extractf128_ps(pairs, 1));
+#else
+  FloatPack::Four sums{};
+  for (int i = 0; i < 2; ++i) {
+    const FloatPack::Four half = sums_of_pairs(sums_of_pairs(a.half(i), b.half(i)), sums_of_pairs(c.half(i), d.half(i)));
+    sums = i == 0 ? half : sums + half;
+  }
+#endif
+  return {sums[0], sums[1], sums[2], sums[3]};
+}
+
+/// Sum of the lanes of a pack.
+[[nodiscard, gnu::always_inline]] inline float sum_of(const FloatPack& v) noexcept {
+  const FloatPack::Four four = v.half(0) + v.half(1);
+  return (four[0] + four[2]) + (four[1] + four[3]);
+}
+
+/// Largest lane of a pack.
+[[nodiscard, gnu::always_inline]] inline float largest_of(const FloatPack& v) noexcept {
+  const FloatPack::Four four = v.half(0) > v.half(1) ? v.half(0) : v.half(1);
+  return std::max(std::max(four[0], four[2]), std::max(four[1], four[3]));
+}
 
 }  // namespace detail
 

@@ -31,8 +31,8 @@ class PlaceForces {
   alignas(64) std::array<float, static_cast<std::size_t>(3 * capacity)> value_{};
 };
 
-/// Copy of the compliance of the nodes near a tip, in the order of their places. The nine entries of the blocks of as many places as a
-/// register has lanes lie together, for products with PlaceForces and for the exchange of places.
+/// Copy of the compliance of the nodes near a tip, in the order of their places. The nine entries of the blocks of eight places lie
+/// together, for products with PlaceForces and for the exchange of places.
 class NearCompliance {
  public:
   static constexpr int capacity = PlaceForces::capacity;
@@ -58,7 +58,7 @@ class NearCompliance {
 
   /// Exchange two of `count` places.
   void swap(int k, int l, int count) noexcept {
-    std::swap_ranges(entry(k, 0), entry(k, 0) + 9 * lanes * detail::in_registers(count), entry(l, 0));
+    std::swap_ranges(entry(k, 0), entry(k, 0) + 9 * lanes * detail::in_packs(count), entry(l, 0));
     for (int j = 0; j < count; ++j) {
       float *one = entry(j, k), *two = entry(j, l);
       for (int i = 0; i < 9; ++i) std::swap(one[i * lanes], two[i * lanes]);
@@ -67,43 +67,40 @@ class NearCompliance {
 
   /// Displacement of place k under the forces of the first `count` places; further forces up to a multiple of 8 must be zero.
   [[nodiscard]] Vector3<> displacement(int k, const PlaceForces& forces, int count) const noexcept {
-    detail::Floats x{}, y{}, z{};
-    const int n = detail::in_registers(count);
-    const detail::Floats* c = detail::as_floats(entry(k, 0));
-    const detail::Floats *fx = detail::as_floats(forces.axis(0)), *fy = detail::as_floats(forces.axis(1)),
-                         *fz = detail::as_floats(forces.axis(2));
+    detail::FloatPack x, y, z;
+    const int n = detail::in_packs(count);
+    const detail::FloatPack* c = detail::as_packs(entry(k, 0));
+    const detail::FloatPack *fx = detail::as_packs(forces.axis(0)), *fy = detail::as_packs(forces.axis(1)),
+                            *fz = detail::as_packs(forces.axis(2));
     for (int j = 0; j < n; ++j, c += 9) {
-      x += detail::multiply_add(c[0], fx[j], detail::multiply_add(c[1], fy[j], c[2] * fz[j]));
-      y += detail::multiply_add(c[3], fx[j], detail::multiply_add(c[4], fy[j], c[5] * fz[j]));
-      z += detail::multiply_add(c[6], fx[j], detail::multiply_add(c[7], fy[j], c[8] * fz[j]));
+      x += c[0] * fx[j] + (c[1] * fy[j] + c[2] * fz[j]);
+      y += c[3] * fx[j] + (c[4] * fy[j] + c[5] * fz[j]);
+      z += c[6] * fx[j] + (c[7] * fy[j] + c[8] * fz[j]);
     }
-    const auto sums = detail::sums_of(x, y, z, detail::Floats{});
+    const auto sums = detail::sums_of(x, y, z, detail::FloatPack());
     return {sums[0], sums[1], sums[2]};
   }
 
   /// Compute d . C_kj s_j for the places `first` <= j < `count` into `out`: displacement of place k along `direction` by unit forces along
   /// s_j.
   void along(int k, const Vector3<>& direction, const PlaceForces& unit, int first, int count, float* out) const noexcept {
-    const int n = detail::in_registers(count), from = first / lanes;
-    const detail::Floats* c = detail::as_floats(entry(k, from * lanes));
-    const detail::Floats d0 = detail::Floats{} + static_cast<float>(direction[0]), d1 = detail::Floats{} + static_cast<float>(direction[1]),
-                         d2 = detail::Floats{} + static_cast<float>(direction[2]);
+    const int n = detail::in_packs(count), from = first / lanes;
+    const detail::FloatPack* c = detail::as_packs(entry(k, from * lanes));
+    const detail::FloatPack d0 = direction[0], d1 = direction[1], d2 = direction[2];
     for (int j = from; j < n; ++j, c += 9) {
-      detail::Floats sum{};
-      for (int b = 0; b < 3; ++b)
-        sum = detail::multiply_add(detail::as_floats(unit.axis(b))[j],
-                                   detail::multiply_add(d0, c[b], detail::multiply_add(d1, c[3 + b], d2 * c[6 + b])), sum);
-      detail::as_floats(out)[j] = sum;
+      detail::FloatPack sum;
+      for (int b = 0; b < 3; ++b) sum += detail::as_packs(unit.axis(b))[j] * (d0 * c[b] + (d1 * c[3 + b] + d2 * c[6 + b]));
+      detail::as_packs(out)[j] = sum;
     }
   }
 
   /// Add the displacements of the first `count` places by a force on place k to `sum`; the compliance is symmetric.
   void add_displacements(int k, const Vector3<>& force, int count, PlaceForces& sum) const noexcept {
-    const int n = detail::in_registers(count);
-    const detail::Floats* c = detail::as_floats(entry(k, 0));
-    const auto f0 = static_cast<float>(force[0]), f1 = static_cast<float>(force[1]), f2 = static_cast<float>(force[2]);
+    const int n = detail::in_packs(count);
+    const detail::FloatPack* c = detail::as_packs(entry(k, 0));
+    const detail::FloatPack f0 = force[0], f1 = force[1], f2 = force[2];
     for (int j = 0; j < n; ++j, c += 9)
-      for (int a = 0; a < 3; ++a) detail::as_floats(sum.axis(a))[j] += f0 * c[a] + f1 * c[3 + a] + f2 * c[6 + a];
+      for (int a = 0; a < 3; ++a) detail::as_packs(sum.axis(a))[j] += f0 * c[a] + f1 * c[3 + a] + f2 * c[6 + a];
   }
 
   /// Block of places k and j, m/N.
@@ -143,7 +140,7 @@ class LayeredSystem {
 
   /// Factor A + diag(`diagonal`). Return false if it is not positive definite to round-off.
   bool factor(const double* diagonal) noexcept {
-    const int n = detail::in_registers(size_);
+    const int n = detail::in_packs(size_);
     for (int c = 0; c < size_; ++c) {
       const int from = c / lanes;  // the entries above the diagonal in its register are never read
       float* v = factor_column(c);
@@ -155,14 +152,14 @@ class LayeredSystem {
       if (!(v[c] > 0.0F)) return false;
       const float scale = 1.0F / std::sqrt(v[c]);
       inverse_[static_cast<std::size_t>(c)] = scale;
-      for (i = from; i < n; ++i) detail::as_floats(v)[i] *= scale;
+      for (i = from; i < n; ++i) detail::as_packs(v)[i] *= scale;
     }
     return true;
   }
 
   /// Replace the right-hand side `x` by the solution.
   void solve(double* x) noexcept {
-    const int n = detail::in_registers(size_);
+    const int n = detail::in_packs(size_);
     float* y = work_.data();
     for (int i = 0; i < n * lanes; ++i) y[i] = i < size_ ? static_cast<float>(x[i]) : 0.0F;
     for (int r = 0; r < n; ++r) {  // forward, one register after the other
@@ -173,18 +170,17 @@ class LayeredSystem {
         for (int i = c + 1; i < end; ++i) y[i] -= y[c] * p[i];
       }
       for (int i = r + 1; i < n; ++i) {
-        detail::Floats sum = detail::as_floats(y)[i];
-        for (int c = first; c < end; ++c) sum = detail::multiply_add(detail::Floats{} - y[c], detail::as_floats(factor_column(c))[i], sum);
-        detail::as_floats(y)[i] = sum;
+        detail::FloatPack sum = detail::as_packs(y)[i];
+        for (int c = first; c < end; ++c) sum -= y[c] * detail::as_packs(factor_column(c))[i];
+        detail::as_packs(y)[i] = sum;
       }
     }
     for (int r = n - 1; r >= 0; --r) {  // backward
       const int first = r * lanes, end = std::min(first + lanes, size_);
       for (int c = first; c < end; c += 4) {
-        detail::Floats sum[4] = {};
+        detail::FloatPack sum[4];
         for (int i = r + 1; i < n; ++i)
-          for (int l = 0; l < 4; ++l)
-            sum[l] = detail::multiply_add(detail::as_floats(factor_column(c + l))[i], detail::as_floats(y)[i], sum[l]);
+          for (int l = 0; l < 4; ++l) sum[l] += detail::as_packs(factor_column(c + l))[i] * detail::as_packs(y)[i];
         const auto sums = detail::sums_of(sum[0], sum[1], sum[2], sum[3]);
         for (int l = 0; l < 4; ++l) y[c + l] -= sums[static_cast<std::size_t>(l)];
       }
@@ -204,11 +200,11 @@ class LayeredSystem {
   /// Compute the registers `from` to from + count - 1 of column c of A less the columns before it of the factor.
   template <int count>
   void eliminate(int c, int from) noexcept {
-    detail::Floats even[count], odd[count] = {};
-    for (int i = 0; i < count; ++i) even[i] = detail::as_floats(column(c))[from + i];
-    const auto take = [this, c, from](int j, detail::Floats* left) {
-      const detail::Floats factor = detail::Floats{} - factor_column(j)[c];
-      for (int i = 0; i < count; ++i) left[i] = detail::multiply_add(factor, detail::as_floats(factor_column(j))[from + i], left[i]);
+    detail::FloatPack even[count], odd[count];
+    for (int i = 0; i < count; ++i) even[i] = detail::as_packs(column(c))[from + i];
+    const auto take = [this, c, from](int j, detail::FloatPack* left) {
+      const detail::FloatPack factor = factor_column(j)[c];
+      for (int i = 0; i < count; ++i) left[i] -= factor * detail::as_packs(factor_column(j))[from + i];
     };
     int j = 0;
     for (; j + 1 < c; j += 2) {
@@ -216,7 +212,7 @@ class LayeredSystem {
       take(j + 1, odd);
     }
     if (j < c) take(j, even);
-    for (int i = 0; i < count; ++i) detail::as_floats(factor_column(c))[from + i] = even[i] + odd[i];
+    for (int i = 0; i < count; ++i) detail::as_packs(factor_column(c))[from + i] = even[i] + odd[i];
   }
 
   [[nodiscard]] float* factor_column(int c) noexcept { return factor_.data()->value.data() + c * stride; }

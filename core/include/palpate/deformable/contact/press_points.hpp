@@ -24,7 +24,7 @@ template <bool settle>
 PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer) noexcept {
   using Scalar = detail::FloatPack;
   const PatchPoints& points = *tip.points;
-  const auto load = [&points](std::size_t number, std::size_t q) { return Scalar(*detail::as_floats(points.coordinate(number) + q)); };
+  const auto load = [&points](std::size_t number, std::size_t q) { return *detail::as_packs(points.coordinate(number) + q); };
   Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
   Scalar stiffness(0.0), energy(0.0), deepest(-std::numeric_limits<float>::max());
   const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(p.node)) : 0.0);
@@ -35,7 +35,7 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
     deepest = max_of(deepest, in.depth);
     Scalar excess = in.depth, crept(0.0);
     if (layer != nullptr) {
-      crept = remaining * Scalar(*detail::as_floats(layer->state() + q));
+      crept = remaining * *detail::as_packs(layer->state() + q);
       excess -= crept;
     }
     const Scalar depth = max_of(excess, Scalar(0.0));
@@ -44,7 +44,7 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
     const Scalar weight = x * x * (Scalar(3.0) - Scalar(2.0) * x), pressed = load(6, q) * weight;
     if constexpr (settle) {
       crept += Scalar(static_cast<double>(layer->gain())) * depth * select(weight > Scalar(0.0), Scalar(1.0), Scalar(0.0));
-      *detail::as_floats(layer->state() + q) = crept.v;
+      *detail::as_packs(layer->state() + q) = crept;
       energy += load(6, q) * (weight * Scalar(static_cast<double>(layer->series())) * depth * depth +
                               Scalar(static_cast<double>(layer->delayed())) * crept * crept);
       continue;
@@ -55,10 +55,10 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
     stiffness += select(excess > Scalar(0.0), pressed, Scalar(0.0));
     energy += push * depth;
   }
-  const PressedPoints all{.energy = 0.5 * static_cast<double>(detail::sum_of(energy.v)),
-                          .clearance = -static_cast<double>(detail::largest_of(deepest.v))};
+  const PressedPoints all{.energy = 0.5 * static_cast<double>(detail::sum_of(energy)),
+                          .clearance = -static_cast<double>(detail::largest_of(deepest))};
   if constexpr (!settle) {
-    const auto sums = detail::sums_of(force[0].v, force[1].v, force[2].v, stiffness.v);
+    const auto sums = detail::sums_of(force[0], force[1], force[2], stiffness);
     p.target += Vector3<>(sums[0], sums[1], sums[2]);
     p.stiffness += static_cast<double>(sums[3]);
   }

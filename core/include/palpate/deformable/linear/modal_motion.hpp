@@ -81,16 +81,16 @@ class ModalMotion final : public BodyMotion {
   }
 
   [[nodiscard]] Vector3<> free_displacement(std::int32_t node) const noexcept override {
-    detail::Floats sum[3] = {};
-    const detail::Floats *q = detail::as_floats(next_free_.data()->value.data()), *x = detail::as_floats(row(node, 0)),
-                         *y = detail::as_floats(row(node, 1)), *z = detail::as_floats(row(node, 2));
-    const int n = detail::in_registers(static_cast<int>(stride_));
+    detail::FloatPack sum[3];
+    const detail::FloatPack *q = detail::as_packs(next_free_.data()->value.data()), *x = detail::as_packs(row(node, 0)),
+                            *y = detail::as_packs(row(node, 1)), *z = detail::as_packs(row(node, 2));
+    const int n = detail::in_packs(static_cast<int>(stride_));
     for (int k = 0; k < n; ++k) {
-      sum[0] = detail::multiply_add(x[k], q[k], sum[0]);
-      sum[1] = detail::multiply_add(y[k], q[k], sum[1]);
-      sum[2] = detail::multiply_add(z[k], q[k], sum[2]);
+      sum[0] += x[k] * q[k];
+      sum[1] += y[k] * q[k];
+      sum[2] += z[k] * q[k];
     }
-    const auto sums = detail::sums_of(sum[0], sum[1], sum[2], detail::Floats{});
+    const auto sums = detail::sums_of(sum[0], sum[1], sum[2], detail::FloatPack());
     return {sums[0], sums[1], sums[2]};
   }
 
@@ -102,16 +102,16 @@ class ModalMotion final : public BodyMotion {
 
   double advance(const Period& period) noexcept override {
     float* const push = modal_force_.data()->value.data();
-    const int n = detail::in_registers(static_cast<int>(stride_));
+    const int n = detail::in_packs(static_cast<int>(stride_));
     for (int k = 0; k < n; k += unrolled) {
-      detail::Floats sum[unrolled] = {};
+      detail::FloatPack sum[unrolled];
       for (int c = 0; c < period.count; ++c)
         for (int a = 0; a < 3; ++a) {
-          const detail::Floats* shape = detail::as_floats(row(period.nodes[c], a)) + k;
-          const detail::Floats force = detail::Floats{} + static_cast<float>(period.forces[c][a]);
-          for (int i = 0; i < unrolled; ++i) sum[i] = detail::multiply_add(force, shape[i], sum[i]);
+          const detail::FloatPack* shape = detail::as_packs(row(period.nodes[c], a)) + k;
+          const detail::FloatPack force = period.forces[c][a];
+          for (int i = 0; i < unrolled; ++i) sum[i] += force * shape[i];
         }
-      for (int i = 0; i < unrolled; ++i) detail::as_floats(push)[k + i] = sum[i];
+      for (int i = 0; i < unrolled; ++i) detail::as_packs(push)[k + i] = sum[i];
     }
     const double modal_work = (transition_[3] * Eigen::Map<const Eigen::ArrayXf>(push, omega2_.size()).cast<double>().square()).sum();
     step_modes(push);

@@ -185,7 +185,7 @@ class LocalModelContact {
       const float change = static_cast<float>(scale_ * (static_cast<double>(force_[j]) - model.force[j]));
       if (change == 0.0F) continue;
       const float* row = model.row(j);
-      for (std::size_t i = 0; i < padded; i += lanes) *detail::as_floats(displacement_.data() + i) += change * *detail::as_floats(row + i);
+      for (std::size_t i = 0; i < padded; i += lanes) *detail::as_packs(displacement_.data() + i) += change * *detail::as_packs(row + i);
     }
     displacement_[capacity] = 0.0F;
     double energy = 0.0;
@@ -195,8 +195,8 @@ class LocalModelContact {
     target_.fill(0.0F);
     pressed_.press(model, *tips_, displacement_);
     for (const Group& p : pressed_) {
-      energy += static_cast<double>(detail::sum_of(p.energy.v));
-      total_stiffness_ += static_cast<double>(detail::sum_of((p.stiffness[0] + p.stiffness[1] + p.stiffness[2]).v));
+      energy += static_cast<double>(detail::sum_of(p.energy));
+      total_stiffness_ += static_cast<double>(detail::sum_of(p.stiffness[0] + p.stiffness[1] + p.stiffness[2]));
       pressed_.for_each_force(p, [this](std::size_t node, float force) { target_[node] += force; });
     }
     target_[capacity] = 0.0F;
@@ -229,8 +229,8 @@ class LocalModelContact {
     for (std::size_t l = 0; l < lanes; ++l) {
       const auto& nodes = model_->triangles.nodes(p.first + l);
       for (std::size_t c = 0; c < 3; ++c) {
-        if (p.stiffness[c].v[l] > 0.0F) newton_.add(nodes[c], nodes[c], p.stiffness[c].v[l]);
-        if (p.stiffness[3 + c].v[l] != 0.0F) newton_.add(nodes[c], nodes[(c + 1) % 3], p.stiffness[3 + c].v[l]);
+        if (p.stiffness[c][l] > 0.0F) newton_.add(nodes[c], nodes[c], p.stiffness[c][l]);
+        if (p.stiffness[3 + c][l] != 0.0F) newton_.add(nodes[c], nodes[(c + 1) % 3], p.stiffness[3 + c][l]);
       }
     }
   }
@@ -252,13 +252,13 @@ class LocalModelContact {
       double total = 0.0;
       for (const Group& p : pressed_) {
         if (p.tip != t) continue;
-        tip.energy += static_cast<double>(detail::sum_of(p.energy.v));
-        total += static_cast<double>(detail::sum_of(p.total.v));
-        for (int a = 0; a < 3; ++a) tip.deflection[a] += static_cast<double>(detail::sum_of(p.deflection[a].v));
+        tip.energy += static_cast<double>(detail::sum_of(p.energy));
+        total += static_cast<double>(detail::sum_of(p.total));
+        for (int a = 0; a < 3; ++a) tip.deflection[a] += static_cast<double>(detail::sum_of(p.deflection[a]));
         for (std::size_t c = 0; c < 3; ++c)
           for (std::size_t l = 0; l < lanes; ++l) {
-            const Vector3<> force(static_cast<double>(p.force[c][0].v[l]), static_cast<double>(p.force[c][1].v[l]),
-                                  static_cast<double>(p.force[c][2].v[l]));
+            const Vector3<> force(static_cast<double>(p.force[c][0][l]), static_cast<double>(p.force[c][1][l]),
+                                  static_cast<double>(p.force[c][2][l]));
             push[PressedTriangles::slot(model_->triangles.nodes(p.first + l)[c])] += force;
             tip.force -= force;
           }

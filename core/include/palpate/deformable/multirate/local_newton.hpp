@@ -83,7 +83,7 @@ class LocalNewton {
 
   /// Add `factor` times a line to another, from entry `from` on, a multiple of the lanes.
   [[gnu::always_inline]] void add_multiple(float* to, const float* line, float factor, std::size_t from) const noexcept {
-    for (std::size_t b = from; b < width_; b += lanes) *detail::as_floats(to + b) += factor * *detail::as_floats(line + b);
+    for (std::size_t b = from; b < width_; b += lanes) *detail::as_packs(to + b) += factor * *detail::as_packs(line + b);
   }
 
   /// Factor the system in place by Gaussian elimination with row pivoting.

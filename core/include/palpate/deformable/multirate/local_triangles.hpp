@@ -66,7 +66,7 @@ class LocalTriangles {
   [[nodiscard]] std::size_t count() const noexcept { return count_; }
   /// Consecutive triangles from `first` on, a multiple of the lanes; lanes beyond count() are out of reach of any tip.
   [[nodiscard, gnu::always_inline]] detail::FloatPack load(std::size_t row, std::size_t first) const noexcept {
-    return detail::FloatPack(*detail::as_floats(lines_.data()->value.data() + row * stride_ + first));
+    return *detail::as_packs(lines_.data()->value.data() + row * stride_ + first);
   }
   [[nodiscard, gnu::always_inline]] Vector3<detail::FloatPack> load_vector(std::size_t row, std::size_t first) const noexcept {
     return {load(row, first), load(row + 1, first), load(row + 2, first)};

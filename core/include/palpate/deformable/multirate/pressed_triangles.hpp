@@ -57,7 +57,7 @@ class PressedTriangles {
   void for_each_force(const Group& p, Visit visit) const noexcept {
     for (std::size_t c = 0; c < 3; ++c) {
       const Scalar along = detail::dot(p.force[c], model_->triangles.load_vector(LocalTriangles::direction + 3 * c, p.first));
-      for (std::size_t l = 0; l < lanes; ++l) visit(slot(model_->triangles.nodes(p.first + l)[c]), along.v[l]);
+      for (std::size_t l = 0; l < lanes; ++l) visit(slot(model_->triangles.nodes(p.first + l)[c]), along[l]);
     }
   }
 
@@ -66,7 +66,7 @@ class PressedTriangles {
     double beyond = 0.0, total = 0.0;
     for (const Group& p : *this)
       for (std::size_t l = 0; l < lanes; ++l) {
-        const auto push = static_cast<double>(p.total.v[l]);
+        const auto push = static_cast<double>(p.total[l]);
         total += push;
         if (!model_->triangles.is_complete(p.first + l)) beyond += push;
       }
@@ -91,7 +91,7 @@ class PressedTriangles {
     const PackVector center = detail::spread<Scalar>(tip.center - triangles.origin());
     for (std::size_t c = 0; c < 3; ++c) {
       Scalar moved;
-      for (std::size_t l = 0; l < lanes; ++l) moved.v[l] = (*displacement_)[slot(triangles.nodes(first + l)[c])];
+      for (std::size_t l = 0; l < lanes; ++l) moved.set(l, (*displacement_)[slot(triangles.nodes(first + l)[c])]);
       direction[c] = triangles.load_vector(LocalTriangles::direction + 3 * c, first);
       corner[c] = (triangles.load_vector(LocalTriangles::position + 3 * c, first) - center) + moved * direction[c];
     }
@@ -102,11 +102,11 @@ class PressedTriangles {
     if (listed_version_ != model_->version || listed_tips_.count != tips_->count) return true;
     Scalar most(0.0);
     for (std::size_t i = 0; i < size(); i += lanes) {
-      const Scalar d(*detail::as_floats(displacement_->data() + i) - *detail::as_floats(listed_displacement_.data() + i));
+      const Scalar d = *detail::as_packs(displacement_->data() + i) - *detail::as_packs(listed_displacement_.data() + i);
       most = max_of(most, d * d);
     }
     float square = 0.0F;
-    for (std::size_t l = 0; l < lanes; ++l) square = std::max(square, most.v[l]);
+    for (std::size_t l = 0; l < lanes; ++l) square = std::max(square, most[l]);
     for (std::size_t t = 0; t < at(tips_->count); ++t) {
       const Tip &now = tips_->tip[t], &then = listed_tips_.tip[t];
       if (now.kind != then.kind || now.radius != then.radius || now.outward != then.outward) return true;

@@ -11,7 +11,7 @@ import pytest
 from palpate import fem
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
-from palpate.simulation.body_response import HeldTip, body_response, multirate_response
+from palpate.simulation.body_response import HeldTip, body_response, multirate_response, realization
 from palpate.simulation.body_response.held_tip import _frame
 from palpate.simulation.body_response.realization import realize
 from palpate.simulation.body_response.response import _choose_step
@@ -195,3 +195,84 @@ def test_a_hyperelastic_body_follows_its_local_model_between_updates(block: Path
     assert np.abs(found.correction[:5]).max() < 1e-3 * found.local[0, 0]  # published after the update
     assert np.abs(found.correction).max() < 0.1 * found.local[0, 0]
     assert found.static[0, 0] == pytest.approx(found.local[0, 0], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("errors", "chosen"),
+    [
+        ((5.0, 3.0, 1.21, 1.19, 1.0, 1.1), 3),  # the first within 1.2 times the least
+        ((1.0, 0.99, 0.98, 0.97), 0),
+        ((5.0, 3.0, 4.9e-5, 1e-9), 2),  # 1e-5 of the whole suffices
+        ((5.0, 3.0, 5.1e-5, 0.9e-6), 3),
+    ],
+)
+def test_the_order_is_the_least_whose_error_suffices_or_is_near_the_least(
+    errors: tuple[float, ...], chosen: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    markov = np.random.default_rng(0).standard_normal((41, 1, 1))
+    markov[0] = 0.0
+    left = iter(errors[1:])
+    monkeypatch.setattr(realization, "_ORDERS", tuple(range(1, len(errors))))
+    monkeypatch.setattr(realization, "_error", lambda *_: np.full((1, 1), next(left)))
+    system, error = realize(errors[0] * markov / np.abs(markov).sum(), PERIOD)  # the whole is the first error
+    assert system.nstates == chosen
+    assert error.max() == pytest.approx(errors[chosen])
+
+
+def test_the_error_is_that_of_the_record_and_of_the_tail_as_far_as_it_is_in_doubt() -> None:
+    """One state a, out = 1: the record is exact but for one value in its last quarter."""
+    for a, n in ((0.5, 8), (-0.6, 12), (0.4, 17)):
+        answer = a ** np.arange(n)
+        tail = abs(a) ** n / (1.0 - abs(a))
+        level = np.abs(answer[-(n // 4) :]).sum()
+        parts = np.array([[a]]), np.array([[1.0]]), np.array([[1.0]])
+        for place, change in ((n - 1, 0.0), (n - 2, 0.1 * level), (n - 2, 0.24 * level), (n - 2, 3.0 * level),
+                              (n - n // 4, 0.1 * level), (n - n // 4 - 1, 0.1 * level)):  # fmt: skip
+            record = np.concatenate([[7.0], answer])
+            record[1 + place] += np.sign(answer[place]) * change
+            quarter = np.abs(record[-(n // 4) :]).sum()
+            doubt = min(4.0 * change / quarter, 1.0) if place >= n - n // 4 else 0.0
+            found = realization._error(record[:, None, None], *parts)
+            np.testing.assert_allclose(found, change + doubt * tail, rtol=1e-9, atol=1e-15)
+    record = 0.99 ** np.arange(-1, 20)[:, None, None]
+    slow = realization._error(record, np.array([[0.99]]), np.array([[1.0]]), np.array([[1.0]]))
+    np.testing.assert_allclose(slow, 0.99**20 / 0.01, rtol=1e-9)  # more than four times the last quarter: in full
+    unstable = realization._error(record, np.array([[1.0]]), np.array([[1.0]]), np.array([[1.0]]))
+    assert np.isinf(unstable).all()
+
+
+class Settling(HeldTip):
+    """A tip whose force changes in each block of ticks by a given amount, N."""
+
+    def __init__(self, changes: list[float], nodes: int = 3) -> None:
+        self.changes, self.blocks, self.count = iter(changes), 0, nodes
+
+    def move(self, displacements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        assert not displacements.any()
+        self.blocks += 1
+        forces = np.tile([0.0, 0.0, 2.0], (len(displacements), 1))
+        forces[0, 1] += next(self.changes)
+        return forces, np.full(len(forces), self.count)
+
+
+@pytest.mark.parametrize(
+    ("changes", "blocks"),
+    [
+        ([1e-3, 1e-6, 1.9e-9, 1.0], 3),  # at rest within 1e-9 of the force
+        ([1e-3, 1e-6, 2.1e-9, 1e-12], 4),
+        ([1e-3, 1e-4, 0.91e-4, 0.95e-4, 2e-4, 1e-4, 1.0], 6),  # four blocks without a tenth less
+        ([1e-3, 1e-4, 0.89e-4, 0.95e-4, 2e-4, 1e-4, 1e-3, 1.0], 7),
+        ([1.0, 0.89, 0.79, 0.7, 0.62, 0.55, 1e-12], 7),
+        ([0.8**k for k in range(40)], 30),  # 6000 ticks
+    ],
+)
+def test_a_tip_is_held_until_its_force_rests_or_stops_settling(changes: list[float], blocks: int) -> None:
+    tip = Settling(changes)
+    tip._settle(200)
+    assert tip.blocks == blocks
+    assert (tip.nodes, tip.force.tolist()) == (3, [0.0, 0.0, 2.0])
+
+
+def test_a_tip_off_its_body_has_no_loop() -> None:
+    with pytest.raises(StabilityError, match="the tip does not touch the body where the run has left it"):
+        Settling([0.0], nodes=0)._settle(200)

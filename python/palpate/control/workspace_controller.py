@@ -141,7 +141,7 @@ class WorkspaceController:
         follow = np.array([0.0, 0.0, 0.0, 0.5 * t * t, t])  # of the model's acceleration on the model
         ahead = np.array([g.reference_position, 0.0])  # of the reference on both accelerations
         a = (step + np.outer(push, law) + np.outer(follow, model)) @ correct
-        b = (step + np.outer(push, law) + np.outer(follow, model)) @ entry + np.outer(push + follow, ahead)
+        b = (step + np.outer(push, law)) @ entry + np.outer(push + follow, ahead)  # the model does not see the entry
         c, d = law @ correct, law @ entry + ahead
         weight = reach.T @ self._gravity_slope(q, inverse)
         eye = np.eye(len(inertia))

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from palpate.arrays import Array, Indices
 from palpate.contact import Mesh, Surface
+from palpate.devices import Device
 from palpate.errors import PalpateError
 from palpate.scenario.model import Scenario
 from palpate.scenario.touched import MeshChoice, SurfaceChoice
@@ -49,11 +50,18 @@ def mesh_origin(scenario: Scenario) -> Array:
     """Return the origin of a scenario's mesh in the device frame (3,), m: at the start tip as the encoders read it."""
     device, start = scenario.load_device(), scenario.start
     pose = device.inverse(start.tip) if start.tip is not None else np.array(start.pose, dtype=float)
-    if scenario.device.encoder:
-        step = device.encoder_step
-        counts = np.rint(np.divide(pose, step, out=np.zeros_like(pose), where=step > 0.0))
-        pose = np.where(step > 0.0, counts * step, pose)
-    return np.asarray(device.forward(pose) + np.array(scenario.object.position), dtype=float)
+    return sensed_tip(scenario, device, pose) + np.array(scenario.object.position)
+
+
+def sensed_tip(scenario: Scenario, device: Device, start: Array) -> Array:
+    """Return the tip at a start pose (dof,) as the encoders read it (3,), m.
+
+    An object is placed there; otherwise a stiff one would push at rest.
+    """
+    pose, step = start.copy(), device.encoder_step
+    counted = scenario.device.encoder & (step > 0.0)
+    pose[counted] = np.rint(start[counted] / step[counted]) * step[counted]
+    return device.forward(pose)
 
 
 def box_mesh(edge: float, divisions: int) -> tuple[Array, Triangles]:

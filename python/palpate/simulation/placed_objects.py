@@ -15,7 +15,7 @@ from palpate.devices import Device
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import touched_body
 from palpate.simulation.force_objects import CHANNELS_OF, core_object, force_object
-from palpate.simulation.meshes import touched_mesh
+from palpate.simulation.meshes import sensed_tip, touched_mesh
 
 # Channels that the core adds to a row, with their numbers of columns.
 MESH: Final = {"proxy": 3, "normal": 3, "depth": 1, "surface_stiffness": 1, "triangle": 1}
@@ -75,7 +75,7 @@ class PlacedObject:
             tip: positions (n, 3), m.
         """
         frame = self.scenario.object.frame is not None
-        pose, own = (columns[:, :POSE], columns[:, POSE:]) if frame else (columns[:, :0], columns)
+        pose, own = np.split(columns, [POSE if frame else 0], axis=1)
         matrix = pose[:, 3:].reshape(-1, 3, 3)
         local = np.einsum("nji,nj->ni", matrix, tip - pose[:, :3]) if frame else tip
         kinds = self.kinds
@@ -118,18 +118,6 @@ class PlacedObject:
             inside = np.linalg.norm(away, axis=1) < touched.field.radius
             return np.where(inside[:, None], away, 0.0)
         return np.asarray(away, dtype=float)
-
-
-def sensed_tip(scenario: Scenario, device: Device, start: Array) -> Array:
-    """Return the tip at a start pose (dof,) as the encoders read it (3,), m.
-
-    An object is placed there; otherwise a stiff one would push at rest.
-    """
-    if not scenario.device.encoder:
-        return device.forward(start)
-    step = device.encoder_step
-    counts = np.rint(np.divide(start, step, out=np.zeros_like(start), where=step > 0.0))
-    return device.forward(np.where(step > 0.0, counts * step, start))
 
 
 def place_objects(setup: Any, scenario: Scenario, device: Device, start: Array) -> dict[str, PlacedObject]:

@@ -24,7 +24,8 @@ from palpate.scenario.tool import Tool
 from palpate.simulation.controllers import build_law, read_scenario, written_out
 from palpate.simulation.force_objects import with_law
 from palpate.simulation.guards import guard_numbers, set_guard
-from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects, sensed_tip
+from palpate.simulation.meshes import sensed_tip
+from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects
 from palpate.simulation.plants import check_mode, sampled_plant
 from palpate.simulation.trace import Trace
 from palpate.simulation.user_object import PythonObject, as_object

@@ -49,6 +49,18 @@ def test_the_least_level_is_the_published_one(problem: control.StateSpace, level
     assert h_infinity(problem, 1, 1).level == pytest.approx(level, rel=1e-5)
 
 
+@pytest.mark.parametrize("scale", [1e-3, 0.2, 50.0])
+def test_the_least_level_grows_with_the_costs_and_the_disturbances(scale: float) -> None:
+    problem = scalar_problem(1.2, 1.0, 0.5, 0.1)
+    costly = scalar_problem(1.2, scale, 0.5 * scale, 0.1)
+    disturbed = control.StateSpace(
+        problem.A, problem.B * [scale, scale, 1.0], problem.C, problem.D * [scale, scale, 1.0], 1.0
+    )
+    least = h_infinity(problem, 1, 1).level
+    for other in (costly, disturbed):
+        assert h_infinity(other, 1, 1).level == pytest.approx(scale * least, rel=1e-5)
+
+
 def test_no_random_controller_reaches_a_lower_level() -> None:
     problem = scalar_problem(1.0, 1.0, 1.0, 1.0)
     least = h_infinity(problem, 1, 1).level

@@ -13,7 +13,8 @@ import palpate
 import pytest
 from one_node import one_node
 from palpate.arrays import Array
-from palpate.errors import ScenarioError, StabilityError
+from palpate.control import Controller
+from palpate.errors import DesignError, ScenarioError, StabilityError
 from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
 from palpate.simulation import ContactResult, scenario_loop
@@ -319,3 +320,13 @@ def test_an_object_is_felt_where_it_has_a_spring_or_a_damper() -> None:
     scenario: Any = SimpleNamespace(object=touched)
     np.testing.assert_array_equal(touched_directions(scenario, np.eye(3)), np.eye(3)[:, :2])
     np.testing.assert_array_equal(touched_directions(scenario, np.diag([0.0, 1.0, 1.0])), np.eye(3)[:, 1:2])
+
+
+def test_a_design_stiffness_is_one_or_three_numbers_or_text_with_a_unit() -> None:
+    plain = Controller.gain(1.0, 1e-3)
+    assert plain.normalized("1.5 N/mm").design_stiffness == (1500.0, 1500.0, 1500.0)
+    assert plain.normalized(200.0).design_stiffness == (200.0, 200.0, 200.0)
+    assert plain.normalized([1.0, 2.0, 3.0]).design_stiffness == (1.0, 2.0, 3.0)
+    for wrong in ("1.5 mm", 0.0, -1.0, np.inf, [1.0, np.nan, 1.0]):
+        with pytest.raises(DesignError, match="normalized: stiffness"):
+            plain.normalized(wrong)

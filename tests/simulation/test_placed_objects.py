@@ -47,7 +47,7 @@ def test_an_object_lies_at_the_start_as_the_encoders_read_it() -> None:
 def test_a_mesh_lies_where_its_scenario_places_it_from_the_tip_or_the_pose(encoder: bool) -> None:
     tables = {**MESH, "device": {**MESH["device"], "encoder": encoder}}
     scenario = Scenario.from_dict(tables)
-    expected = sensed_tip(scenario, ARM, START) + [1e-3, 2e-3, -3e-3]
+    expected = sensed_tip(scenario, ARM, START) + np.array([1e-3, 2e-3, -3e-3])
     np.testing.assert_allclose(mesh_origin(scenario), expected, rtol=1e-12)
     tip = [f"{1e3 * part:.12g} mm" for part in ARM.forward(START)]
     from_tip = Scenario.from_dict({**tables, "start": {"tip": tip}})
@@ -66,7 +66,7 @@ def test_a_cube_has_equal_triangles_that_face_outward_and_its_origin_on_top(n: i
     area = np.cross(b - a, c - a) / 2.0
     np.testing.assert_allclose(np.linalg.norm(area, axis=1), edge**2 / (2 * n**2), rtol=1e-12)
     assert np.einsum("ij,ij->", a, area) / 3.0 == pytest.approx(edge**3)
-    outward = (a + b + c) / 3.0 + [0.0, 0.0, edge / 2]
+    outward = (a + b + c) / 3.0 + np.array([0.0, 0.0, edge / 2])
     assert (np.einsum("ij,ij->i", outward, area) > 0.0).all()
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     assert set(np.unique(sides, axis=0, return_counts=True)[1]) == {2}
@@ -83,7 +83,7 @@ def test_a_pattern_has_the_stiffness_of_the_field_of_its_triangle(pattern: str) 
         origin = np.array([0.1, -0.2, 0.3])
         touched, found = touched_mesh(scenario, origin)
         own, triangles = box_mesh(0.04, 4)
-        middle = own[triangles].mean(axis=1) + [0.02, 0.02, 0.04]
+        middle = own[triangles].mean(axis=1) + np.array([0.02, 0.02, 0.04])
         column, row = (np.floor(middle[:, k] / 0.01).astype(int) for k in (0, 1))
         number = column if pattern == "stripes" else column + row
         np.testing.assert_array_equal(found.stiffness, np.array([1e3, 2e3, 5e3])[number % 3])

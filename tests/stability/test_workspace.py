@@ -235,3 +235,41 @@ def test_no_pose_of_a_map_is_beyond_the_limits_of_a_joint() -> None:
 def test_a_map_from_a_singular_start_is_refused() -> None:
     with pytest.raises(PoseError, match="workspace: the Jacobian is singular"):
         workspace(display(start={"pose": ["0 rad", "2.2305 rad", f"{2.2305 + np.pi / 2} rad"]}), poses=50)
+
+
+def made(stiffness: list[list[float]], softest: list[list[float]]) -> Workspace:
+    """A map of three poses and two directions of which the limits are given."""
+    tips = np.array([[0.01, 0.02, -0.03], [0.1, 0.0, 0.0], [0.0, -0.2, 0.0]])
+    directions = np.tile([[1.0, 0.0, 0.0], [0.0, 0.6, -0.8]], (3, 1, 1))
+    frequency = np.array([[10.0, 20.0], [30.0, 40.0], [50.0, 60.0]])
+    sections: dict[str, Any] = {}
+    return Workspace("a title", "a loop", tips, np.zeros((3, 3)), directions, np.array(stiffness), frequency,
+                     np.array(softest), np.zeros(3), np.zeros(3), sections, 0.01)  # fmt: skip
+
+
+def test_a_map_says_its_least_limit_where_it_is_and_what_is_soft() -> None:
+    whole = made([[300.0, 200.0], [500.0, 100.0], [400.0, 900.0]], [[0.0, 0.0]] * 3)
+    assert (whole.least, whole.falling, whole.least_stable, whole.stable) == ((1, 1), 0.0, 0.0, True)
+    assert whole.worst.tolist() == [200.0, 100.0, 400.0]
+    assert str(whole) == (
+        "Walls up to 100 N/m are stable at each of 3 poses in every direction (2 tested at each pose). The minimum is "
+        "at (100, 0, 0) mm with the normal (0, 0.6, -0.8), where the loop oscillates at 40 Hz. The median is 200 N/m."
+    )
+    soft = made([[300.0, 200.0], [500.0, 100.0], [400.0, 900.0]], [[0.0, 7.0], [0.0, 0.0], [3.0, 0.0]])
+    assert (soft.least_stable, soft.stable) == (7.0, False)
+    assert str(soft).startswith("Walls from 7 N/m up to 100 N/m are stable at each of 3 poses")
+    assert "200 N/m. " in str(soft)
+    none = made([[300.0, 200.0], [500.0, 100.0], [400.0, 900.0]], [[0.0, 100.0], [0.0, 0.0], [3.0, 0.0]])
+    assert (none.least_stable, none.stable) == (100.0, False)
+    assert str(none).startswith(
+        "No stiffness is stable at each of 3 poses in every direction. The least limit is 100 N/m at (100, 0, 0) mm"
+    )
+    falls = made([[0.0, 200.0], [500.0, 100.0], [400.0, 900.0]], [[0.0, 0.0], [0.0, 0.0], [3.0, 0.0]])
+    assert (falls.least, falls.falling, falls.least_stable, falls.stable) == ((0, 0), 1 / 3, 3.0, False)
+    said = str(falls)
+    assert said.startswith("At 1 of 3 poses no wall of any stiffness is stable: the device tips over there")
+    assert "At the others the least limit in any direction is 100 N/m, the median 250 N/m." in said
+    nothing = made([[0.0, 0.0]] * 3, [[0.0, 5.0]] * 3)
+    assert (nothing.falling, nothing.least_stable, nothing.stable) == (1.0, 0.0, False)
+    assert "At 3 of 3 poses" in str(nothing)
+    assert "others" not in str(nothing)

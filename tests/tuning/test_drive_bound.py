@@ -113,3 +113,15 @@ def test_an_operator_who_pushes_up_carries_a_part_of_the_weight() -> None:
     up, down = hold_time(ARM, pose, weight, 6.0), hold_time(ARM, pose, -weight, 6.0)
     assert up > down
     assert hold_time(ARM, pose, weight, 6.0 + 2.0 * size) == pytest.approx(down, rel=1e-9)
+
+
+def test_the_operator_s_force_and_the_weight_act_together_on_the_bound() -> None:
+    """Along the weight's support W a force |W| leaves nothing to hold: the motors go and brake alike."""
+    pose = np.array([0.0, 0.5, -0.3])
+    weight = static_tip_force(ARM.jacobian(pose), ARM.gravity(pose))
+    size, along = float(np.linalg.norm(weight)), weight / np.linalg.norm(weight)
+    inertia = float(np.linalg.norm(tip_inertia(ARM, pose) @ along))
+    free = drive_bound(ARM, pose, along, size, 500.0)
+    wanted = (2 * np.sqrt(1.05) - np.sqrt(0.2)) * np.sqrt(size / 500.0 * inertia / ARM.peak_force)
+    assert free == pytest.approx(wanted, rel=1e-6)
+    assert drive_bound(ARM, pose, 7.0 * along, size, 500.0) == pytest.approx(wanted, rel=1e-6)

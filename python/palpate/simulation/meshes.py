@@ -50,7 +50,7 @@ def mesh_origin(scenario: Scenario) -> Array:
     """Return the origin of a scenario's mesh in the device frame (3,), m: at the start tip as the encoders read it."""
     device, start = scenario.load_device(), scenario.start
     pose = device.inverse(start.tip) if start.tip is not None else np.array(start.pose, dtype=float)
-    return sensed_tip(scenario, device, pose) + np.array(scenario.object.position)
+    return np.asarray(sensed_tip(scenario, device, pose) + np.array(scenario.object.position), dtype=float)
 
 
 def sensed_tip(scenario: Scenario, device: Device, start: Array) -> Array:

@@ -26,8 +26,11 @@ from palpate.report import Page
 from palpate.report.contact import in_column, numbers_table
 from palpate.report.html import _cell, differs_in_print, number
 from palpate.report.run import _axes, _energy, run_page
+from palpate.report.sweep import sweep_page
 from palpate.report.theme import CSS, inline_svg
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State
+from palpate.sweeps import sweep
 
 VOID = {"meta", "link", "br", "hr", "img", "input", "path", "use", "rect", "line", "circle"}
 FETCHES = {"src", "href", "xlink:href", "srcset", "data", "action", "poster"}
@@ -484,3 +487,26 @@ def test_a_page_reproduces_the_scenario_and_the_controller_of_its_run(pressed: T
 )  # fmt: skip
 def test_a_cell_shows_numbers_with_a_minus_and_words_escaped(value: object, shown: str, numeric: bool) -> None:
     assert _cell(value) == (shown, numeric)
+
+
+def test_a_run_has_three_sections_at_least_and_a_sweep_is_named_with_its_axes(pressed: Trace) -> None:
+    found = re.findall(r"<h2[^>]*>(.*?)</h2>", run_page(pressed).html())
+    assert [found[0], *found[-2:]] == ["Verdict", "Time histories", "Reproduction"]
+    tables = {
+        "title": "A [slider]", "device": {"name": "slider"}, "servo": {"topology": "impedance_display"},
+        "operator": {"kind": "force", "force": ["1 N", "0 N", "0 N"]},
+        "object": {"kind": "spring", "stiffness": "100 N/m"}, "run": {"duration": "0.02 s"},
+    }  # fmt: skip
+    axes = {"object.stiffness": ["50 N/m", "100 N/m", "500 N/m"], "object.damping": ["0 N*s/m", "1 N*s/m"]}
+    cells = sweep(tables, axes)
+    page = sweep_page(cells).html()
+    assert re.search(r"<h1[^>]*>Sweep: A \[slider\]</h1>", page)
+    assert "object.stiffness (3) × object.damping (2)" in page
+    rows = re.findall(r"<tr><td>([a-z ]+)</td><td[^>]*>(\d+)</td><td[^>]*>([\d.]+)</td></tr>", page)
+    assert sum(int(row[1]) for row in rows) == 6
+    for name, count, share in rows:
+        states = [State(int(one)).label for one in np.ravel(cells["verdict"])]
+        assert states.count(name) == int(count)
+        assert float(share) == pytest.approx(100 * int(count) / 6, rel=5e-3)
+    assert "map of verdicts" in page
+    assert "The controller is designed" not in page

@@ -56,6 +56,10 @@ def test_limits_of_torque_bound_as_a_limit_of_force_on_one_axis() -> None:
 def test_a_force_at_the_limit_cannot_brake_and_no_limit_takes_no_time() -> None:
     assert drive_bound(mass(0.1, peak_force=8.0), np.zeros(3), [0, 1, 0], 8.0, 500.0) == np.inf
     assert drive_bound(mass(0.1), np.zeros(3), [0, 1, 0], 8.0, 500.0) == 0.0
+    slow = [
+        drive_bound(mass(0.1, peak_force=8.0), np.zeros(3), [0, 1, 0], force, 500.0) for force in (7.9, 7.99, 7.999)
+    ]
+    assert slow[0] < slow[1] < slow[2] < np.inf  # brakes by 1, 0.1 and 0.01 m/s^2
 
 
 def test_presses_stay_within_reach_along_the_axes_of_the_inertia() -> None:

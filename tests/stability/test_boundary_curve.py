@@ -98,3 +98,15 @@ def test_a_curve_is_evenly_spaced_and_runs_from_the_least_damping_to_no_stiffnes
     steps = np.hypot(np.diff(b), np.diff(k))
     steps = steps[steps > 1e-6]  # but where two segments meet
     assert np.abs(steps / np.median(steps) - 1.0).max() < 0.2
+
+
+def test_a_curve_of_three_points_or_more_is_parted_at_its_jumps() -> None:
+    """A jump is longer than its share of the curve's size; the size of a curve without extent is 1."""
+    three = curve(np.array([0.0, 1.0, 10.0]), np.array([0.0, 1.0, 10.0]), jump=0.5)
+    assert three.pieces == [(0, 2), (2, 3)]
+    assert curve(np.array([0.0, 10.0]), np.array([0.0, 10.0])).pieces == [(0, 2)]
+    for jump, pieces in ((0.49, [(0, 1), (1, 2), (2, 3)]), (0.51, [(0, 3)])):
+        assert curve(np.array([0.0, 1.0, 2.0]), np.full(3, 7.0), jump).pieces == pieces
+        assert curve(np.full(3, 7.0), np.array([0.0, 1.0, 2.0]), jump).pieces == pieces
+    slanted = curve(np.array([0.0, 3.0, 6.0]), np.array([0.0, 40.0, 80.0]), jump=0.7)
+    assert slanted.pieces == [(0, 1), (1, 2), (2, 3)]  # half of both sides: 0.707 of the size

@@ -16,7 +16,10 @@ from palpate.metrics.body_contact import work_so_far
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
 from palpate.simulation.bodies import cache_path, scenario_body
+from palpate.simulation.evidence import evidence
 from palpate.simulation.simulator import build_simulation
+from palpate.simulation.trace import Trace
+from palpate.simulation.windows import Window
 from scipy.spatial.transform import Rotation
 
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
@@ -55,6 +58,22 @@ def refusal(text: str, base: Path | None = None) -> str:
     with pytest.raises(ScenarioError) as caught:
         simulate(Scenario.from_text(text, "press.toml", base))
     return str(caught.value)
+
+
+def test_the_rounding_of_a_body_is_no_growing_oscillation(block: Path) -> None:
+    """Its compliance has single precision: an oscillation below 1e-7 of the deflection is not evidence of growth."""
+    scenario = Scenario.model_validate(tables(on(block)))
+    run = simulate(scenario)
+    count = len(run.time)
+    deep = float(np.linalg.norm(run["deflection"][-1]))
+    for share, seen in ((0.5e-7, False), (2e-7, True)):
+        wave = share * deep * 4.0 ** np.linspace(-2.0, 0.0, count) * np.sin(0.7 * np.arange(count))
+        moving = run["tip"][-1] + wave[:, None] * [1.0, 0.0, 0.0]
+        held = {name: np.tile(run[name][-1], (count, 1)) for name in run.channels if name not in ("tip", "time")}
+        found = evidence(
+            Trace.of(1e-3 * np.arange(count), {**held, "tip": moving}), scenario, Window(0, count - 1), None
+        )
+        assert (found.late[0] > found.prior[0] > 0.0) == seen
 
 
 def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from palpate.simulation.verdict import BAND, FLOOR, Evidence
 from palpate.simulation.windows import Window
 
 FASTEST: Final = 1e100  # growth in a fifth of the window above which it is all the same
+ROUNDING: Final = 1e-7  # of a body's forces, whose compliance has single precision
 ONE_SIDED: Final = ("wall", "mesh", "body", "force_law", "textured_wall")  # kinds of objects
 
 __all__ = [
@@ -82,6 +83,8 @@ def evidence(
     deflection = trace["deflection"] if "deflection" in trace else tip - tip[0]
     touching = trace["touching"][:, 0] > 0.0
     lost = pushed_through(trace) is not None
+    swings, deep = swing(trace.time[ending], tip[ending]), float(np.linalg.norm(deflection[ending].mean(axis=0)))
+    rounded = swings <= ROUNDING * deep and scenario is not None and _has_body(scenario)
     known: dict[str, Any] = {} if scenario is None else _known(trace, scenario, window, deflection, touching)
     if not np.isnan(kept):
         known["creep"] = 0.0  # a push is judged by the response to it
@@ -90,12 +93,12 @@ def evidence(
         unstable_from=np.nan,
         early=largest(first + fifth, first + 2 * fifth),
         prior=largest(last - 2 * fifth, last - fifth),
-        late=largest(last - fifth, last),
+        late=0.0 if rounded else largest(last - fifth, last),
         ripple=float(np.ptp(tip[ending], axis=0).max(initial=0.0)) / 2.0,
         ripple_before=float(np.ptp(tip[resting], axis=0).max()) / 2.0 if resting.start < resting.stop else np.nan,
-        swing=swing(trace.time[ending], tip[ending]),
+        swing=swings,
         swing_before=swing(trace.time[before], tip[before]),
-        deflection=float(np.linalg.norm(deflection[ending].mean(axis=0))),
+        deflection=deep,
         touching=0.0 if lost else float(touching[ending].mean()),  # lost in a body, the tip may still touch others
         contacts=float(np.count_nonzero(touching[ending] & ~touching[last - fifth : last])),
         saturated=float(trace["saturated"][ending].mean()),
@@ -105,6 +108,10 @@ def evidence(
         kept=kept,
         **(known | {"pressed": lost or known.get("pressed", False)}),
     )
+
+
+def _has_body(scenario: Scenario) -> bool:
+    return any(one.object.body is not None for one in scenario.each_object.values())
 
 
 def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Array, touching: Flags) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 from palpate.errors import RecordingError
-from palpate.identification import Recording, arx, independence, select_order, whiteness
+from palpate.identification import Recording, arx, arx_models, independence, select_order, whiteness
 from palpate.identification.arx_models import ArxModel
 
 PERIOD = 0.01
@@ -203,3 +203,41 @@ def test_the_noise_is_that_of_the_residuals_with_their_degrees_of_freedom():
     for k in range(2):
         deviation = np.concatenate([model.a_std[k][model.a_std[k] > 0], model.b_std[k][model.b_std[k] > 0]])
         np.testing.assert_allclose(deviation, np.sqrt(np.diag(model.covariance[k])))
+
+
+def test_least_squares_and_instruments_solve_the_normal_equations_in_any_units():
+    """X^T r = 0 or Z^T r = 0; the second result is (X^T X)^-1, or G G^T with G = (Z^T X)^-1 Z^T."""
+    rng = np.random.default_rng(0)
+    scale = np.array([1e-6, 1.0, 1e5])
+    x, target = rng.normal(size=(60, 3)) * scale, rng.normal(size=60)
+    z = (x / scale + 0.3 * rng.normal(size=(60, 3))) * [1e3, 1.0, 1e-7]
+    solution, inverse = arx_models._least_squares(x, target, str)
+    np.testing.assert_allclose(scale * solution, np.linalg.lstsq(x / scale, target, rcond=None)[0], rtol=1e-9)
+    outer = np.outer(scale, scale)
+    np.testing.assert_allclose(inverse * outer, np.linalg.inv((x / scale).T @ (x / scale)), rtol=1e-9, atol=1e-12)
+    solution, spread = arx_models._instrumental(x, target, z)
+    np.testing.assert_allclose((z.T @ (target - x @ solution)) / np.linalg.norm(z, axis=0), 0.0, atol=1e-9)
+    gain = np.linalg.inv(z.T @ x) @ z.T
+    np.testing.assert_allclose(spread * outer, gain @ gain.T * outer, rtol=1e-8, atol=1e-12)
+
+
+def test_regressors_without_excitation_are_named():
+    rng = np.random.default_rng(0)
+    x, target = rng.normal(size=(60, 3)), rng.normal(size=60)
+    still = x * [1.0, 0.0, 1.0]
+    with pytest.raises(RecordingError, match="nothing in the recording acts on the name of 1"):
+        arx_models._least_squares(still, target, "the name of {}".format)
+    for share, alike in ((0.5e-10, True), (2e-10, False)):
+        twin = np.column_stack([x[:, 0], x[:, 1], x[:, 0] / np.linalg.norm(x[:, 0])])
+        aside = x[:, 2] - twin[:, :2] @ np.linalg.lstsq(twin[:, :2], x[:, 2], rcond=None)[0]
+        twin[:, 2] += share * aside / np.linalg.norm(aside)
+        if alike:
+            with pytest.raises(RecordingError, match="the name of 2 cannot be distinguished from the others"):
+                arx_models._least_squares(twin, target, "the name of {}".format)
+        else:
+            arx_models._least_squares(twin, target, "the name of {}".format)
+    for columns, z in ((still, x), (x, still)):
+        with pytest.raises(RecordingError, match="a regressor of the model is zero throughout"):
+            arx_models._instrumental(columns, target, z)
+    with pytest.raises(RecordingError, match="the instruments do not distinguish the coefficients"):
+        arx_models._instrumental(x, target, np.column_stack([x[:, 0], x[:, 0], x[:, 1]]))

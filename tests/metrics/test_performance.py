@@ -20,6 +20,7 @@ from palpate.metrics import (
     arm_stiffness,
     hold_response,
     measure_performance,
+    performance,
     rate_hardness,
     ripple,
     vibration_threshold,
@@ -27,6 +28,7 @@ from palpate.metrics import (
 from palpate.metrics.performance import _bandwidth
 from palpate.scenario import Scenario
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State
 from typer.testing import CliRunner
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -384,3 +386,46 @@ def test_a_motion_slower_than_a_ripple_is_none(slow: float) -> None:
     beside = ripple(motion + 0.5e-6 * np.sin(2 * np.pi * 250 * t), T)
     assert beside.worst == pytest.approx(250.0)
     assert beside.ratio == pytest.approx(5.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("length", "first"), [(80, 70), (10, 7), (7, 3)])
+def test_the_ripple_is_that_of_the_quietest_half_second_in_contact(
+    length: int, first: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Windows begin an eighth of their length apart, or at every sample; one off its object does not count."""
+    seen: list[Any] = []
+    monkeypatch.setattr(performance, "ripple", lambda tip, period: seen.append((tip, period)) or "the ripple")
+    rng = np.random.default_rng(0)
+    scenario: Any = SimpleNamespace(
+        period=0.5 / length / 2, run=SimpleNamespace(record_every=2), device=SimpleNamespace(encoder=True)
+    )
+    tip = rng.normal(size=(4 * length, 3))
+    tip[first : first + length] *= 0.1
+    tip[3 * length - length // 2 :] *= 0.01  # off the object
+    touching = np.ones((len(tip), 1))
+    touching[3 * length - length // 2 :: 3] = 0.0
+    trace: Any = {"tip": tip, "touching": touching}
+    run = SimpleNamespace(
+        completed=True, verdict=SimpleNamespace(state=State.SETTLED, reason="it swings"), __getitem__=None,
+        unstable_from=0.25,
+    )  # fmt: skip
+
+    class Run(dict):
+        def __getattr__(self, name: str) -> Any:
+            return getattr(run, name)
+
+    assert performance._ripple(scenario, Run(trace)) == ("the ripple", "the ripple")
+    np.testing.assert_array_equal(seen[0][0], tip[first : first + length])
+    assert seen[0][1] == pytest.approx(0.5 / length)
+    scenario.device.encoder = False
+    assert performance._ripple(scenario, Run(trace))[1] == (
+        "the ripple Encoder counts, the main cause of ripple, are switched off (device.encoder)."
+    )
+    short = Run({"tip": tip, "touching": np.zeros_like(touching)})
+    assert performance._ripple(scenario, short) == (
+        None, "The contact is shorter than 0.5 s: too short to measure the ripple."
+    )  # fmt: skip
+    run.verdict.state = State.UNSTABLE
+    assert performance._ripple(scenario, short)[1].startswith("The run is unstable, it swings: ")
+    run.completed = False
+    assert performance._ripple(scenario, short)[1].startswith("The run diverges at 0.25 s: ")

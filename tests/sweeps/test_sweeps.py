@@ -19,7 +19,7 @@ from palpate.cli.main import app
 from palpate.errors import OutputError, ScenarioError
 from palpate.report.sweep import sweep_page
 from palpate.sweeps import State, SweepError, merge, open_sweep, sweep
-from palpate.sweeps.axes import Axis, axes_of, limits_of, stored_axis, with_value
+from palpate.sweeps.axes import LARGEST, Axis, _spread, _value, axes_of, limits_of, stored_axis, with_value
 from palpate.sweeps.run import _run, dask_executor, plan_of
 from palpate.sweeps.store import FileStore
 from palpate.sweeps.sweep_plot import plot_sweep
@@ -509,3 +509,37 @@ def test_the_page_says_for_what_a_controller_is_designed(kind: str, design: Any,
     text = sweep_page(sweep(tracking, {"object.stiffness": [1000.0]}, draws=2, design=design)).html()
     assert text.count("The controller is designed") == bool(says)
     assert not says or f"The controller is designed {says}." in text
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "expected"),
+    [
+        (" true ", None, (True, "")), ("false", None, (False, "")), (" step", None, ("step", "")),
+        ("2 N/mm", "N/m", (2000.0, "N/m")), ("3 ms", None, (0.003, "s")), (2, None, (2, "")), (2, "N", (2.0, "N")),
+        (np.float64(0.5), None, (0.5, "")), (np.bool_(True), None, (True, "")), (True, None, (True, "")),
+    ],
+)  # fmt: skip
+def test_a_value_of_an_axis_is_a_quantity_a_word_or_a_truth(given: Any, unit: str | None, expected: Any) -> None:
+    found = _value(given, unit)
+    assert found == pytest.approx(expected) if isinstance(expected[0], float) else found == expected
+    assert type(found[0]) is type(expected[0])
+
+
+@pytest.mark.parametrize(("given", "unit"), [("1 N", "N/m"), ("2 blargs", None), (np.inf, None), (None, None)])
+def test_a_value_that_is_none_is_refused(given: Any, unit: str | None) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        _value(given, unit)
+
+
+def test_a_range_is_even_in_its_values_or_in_their_ratios() -> None:
+    assert _spread(1.0, 3.0, 5, False) == (1.0, 1.5, 2.0, 2.5, 3.0)
+    assert _spread(1.0, 16.0, 5, True) == pytest.approx((1.0, 2.0, 4.0, 8.0, 16.0))
+    assert _spread(1.0, 16.0, 1, True) == (1.0,)
+    for low, high, count, logarithmic, said in (
+        (0.0, 1.0, 0, False, "a range needs a count of at least 1"),
+        (0.0, 1.0, LARGEST + 1, False, f"{LARGEST + 1:,} values; the most is {LARGEST:,}"),
+        (0.0, 1.0, 3, True, "a logarithmic range needs ends above zero"),
+        (1.0, 0.0, 3, True, "a logarithmic range needs ends above zero"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            _spread(low, high, count, logarithmic)

@@ -236,6 +236,51 @@ def test_a_press_that_never_settles_says_how_long_the_motors_hold_it(hold: float
 
 
 @pytest.mark.parametrize(
+    ("slow", "soft", "bound", "axis", "coulomb", "constraint", "says"),
+    [
+        (0.04, 0.03, 0.04, 0.04, 0.1, "", ""),  # the wanted time itself is met
+        (0.0401, 0.03, 0.02, 0.0401, 0.1, "its limit",
+         "Without limits of the drive a step settles in 40.1 ms: a reason."),
+        (0.03, 0.03, 0.05, np.nan, 0.1, "its limit", "a step settles in more than 500 ms: a reason."),
+        (0.0567, 0.04, 0.04, 0.04, 0.1, "dry friction",
+         "Dry friction holds the tip short of a stiff object's target: it needs 56.7 ms."),
+        (np.inf, 0.04, 0.04, 0.04, 0.1, "dry friction", "target: it does not settle."),
+        (0.0567, 0.04, 0.04, 0.04, 0.0, "sampling", "The nonlinear press on a stiffer object needs 56.7 ms."),
+        (0.0567, 0.0401, 0.04, 0.04, 0.1, "drive limit",
+         "The motors need at least 40 ms at the worst pose on 100 N/m; the controller needs 56.7 ms."),
+        (0.03, 0.03, 0.0401, 0.04, 0.1, "drive limit", "at least 40.1 ms at the worst pose on 100 N/m"),
+        (0.03, 0.03, np.inf, 0.04, 0.1, "drive limit",
+         "The motors give 8.5 N at the tip and hold 2 N and the weight: they cannot brake the press; the controller"),
+    ],
+)  # fmt: skip
+def test_the_binding_constraint_is_that_which_is_missed_first(
+    slow: float, soft: float, bound: float, axis: float, coulomb: float, constraint: str, says: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """The axis without limits of the drive, then presses on the stiffer objects alone, then the drive."""
+    designer: Any = _Designer.__new__(_Designer)
+    device = SimpleNamespace(peak_force=8.5, coulomb=np.array([0.0, coulomb]))
+    designer.s, designer.data = SimpleNamespace(settle=0.04, stiffness=(100.0, 1000.0), force=2.0, device=device), None
+    asked: list[Any] = []
+    for name in ("sampling_remedies", "drive_remedies", "friction_remedies"):
+        monkeypatch.setattr(f"palpate.tuning.designer.{name}", lambda *given, n=name: (asked.append(given[-1]), n)[1:])
+    settling = {100.0: soft, 316.0: slow, 1000.0: 0.01}
+    tuned, worst = SimpleNamespace(settling=axis, limit="its limit", reason="a reason"), SimpleNamespace(bound=bound)
+    trial = SimpleNamespace(hold=lambda _force: np.inf)
+    found = designer._judged(tuned, trial, settling, worst)
+    assert found[0] == constraint
+    assert says in found[1]
+    assert bool(found[1]) is bool(says)
+    if found[0] == "its limit":
+        assert (found[2], asked) == (("sampling_remedies",), [max(slow, soft)])
+    elif constraint:
+        expected = "drive_remedies" if constraint == "drive limit" else "friction_remedies"
+        assert (found[2], asked) == ((expected,), [settling])
+    else:
+        assert found[2] == ()
+
+
+@pytest.mark.parametrize(
     ("judged", "lost", "expected"),
     [
         (("", "", ()), "", ("", "")),

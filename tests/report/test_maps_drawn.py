@@ -366,7 +366,7 @@ def test_the_page_of_a_performance_states_each_measure_and_no_number_that_is_not
         name: re.findall(r"<td[^>]*>(.*?)</td>", row)
         for name, row in re.findall(r"<tr><td>([^<]*)</td>(.*?)</tr>", page)
     }
-    assert rows["along x"] == ["310", "290 to 305", "12.3 Hz", "55", "45.6 Hz", "1.2"]  # stiffness in N/m
+    assert rows["x"] == ["310", "290 to 305", "12.3 Hz", "55", "45.6 Hz", "1.2"]  # stiffness in N/m
     assert rows["continuous force [N]"] == ["1", "–"]
     assert rows["peak force [N]"] == ["8", "9"]
     assert rows["resolution [µm]"] == ["30", "–"]

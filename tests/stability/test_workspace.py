@@ -239,7 +239,7 @@ def test_a_map_from_a_singular_start_is_refused() -> None:
 
 def made(stiffness: list[list[float]], softest: list[list[float]]) -> Workspace:
     """A map of three poses and two directions of which the limits are given."""
-    tips = np.array([[0.01, 0.02, -0.03], [0.1, 0.0, 0.0], [0.0, -0.2, 0.0]])
+    tips = np.array([[0.01, 0.02, -0.03], [0.1, -1e-5, 0.0], [0.0, -0.2, 0.0]])
     directions = np.tile([[1.0, 0.0, 0.0], [0.0, 0.6, -0.8]], (3, 1, 1))
     frequency = np.array([[10.0, 20.0], [30.0, 40.0], [50.0, 60.0]])
     sections: dict[str, Any] = {}

@@ -49,7 +49,7 @@ def performance_page(p: Performance) -> Page:
         ("along", "stiffness at rest", "stiffness, 0.5 to 8 Hz", "transparent up to", "rate-hardness",
          "force bandwidth", "static error"),
         [
-            (_name(a), a.static_stiffness, f"{a.band_stiffness[0]:.4g} to {a.band_stiffness[1]:.4g}",
+            (_direction(a), a.static_stiffness, f"{a.band_stiffness[0]:.4g} to {a.band_stiffness[1]:.4g}",
              _hertz(a.transparency_bandwidth), None if math.isnan(a.rate_hardness) else a.rate_hardness,
              _hertz(a.bandwidth), 100.0 * a.precision if math.isfinite(a.precision) else None)
             for a in p.along
@@ -106,7 +106,7 @@ def stiffness_figure(p: Performance) -> Figure:
             a.frequency, np.abs(a.desired) / 1e3, color=INK, linestyle=(0, (4, 3)), linewidth=1.1, label="desired"
         )
         panel.loglog(a.frequency, np.abs(a.free) / 1e3, color=COLORS[1], linestyle=":", label="free device")
-        panel.set_title(_name(a), **TITLE)
+        panel.set_title(f"along {_direction(a)}", **TITLE)
         panel.set_xlabel("frequency [Hz]")
     rows[0][0].set_ylabel("dynamic stiffness [N/mm]")
     handles, labels = rows[0][0].get_legend_handles_labels()
@@ -135,11 +135,11 @@ def ripple_figure(p: Performance) -> Figure:
     return figure
 
 
-def _name(a: DirectionalPerformance) -> str:
+def _direction(a: DirectionalPerformance) -> str:
     for axis, name in enumerate("xyz"):
         if abs(abs(a.direction[axis]) - 1) < 1e-9:
-            return f"along {name}"
-    return "along (" + ", ".join(f"{part:.2f}" for part in a.direction).replace("-", "−") + ")"
+            return name
+    return "(" + ", ".join(f"{part:.2f}" for part in a.direction).replace("-", "−") + ")"
 
 
 def _stiffness(value: float) -> str:

@@ -147,4 +147,4 @@ def _ticks(low: float, high: float) -> list[float]:
 
 
 def _mm(tip: Array) -> str:
-    return ", ".join(f"{1e3 * part:.0f}" for part in tip).replace("-", "−")
+    return ", ".join(f"{part:.0f}" for part in np.round(1e3 * tip) + 0.0).replace("-", "−")

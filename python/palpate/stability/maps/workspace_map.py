@@ -322,7 +322,7 @@ def _loop_in_words(s: Scenario, device: Device, arm: HumanArm | None) -> str:
 
 
 def _millimetres(tip: Array) -> str:
-    return "(" + ", ".join(f"{1e3 * x:.0f}" for x in tip) + ")"
+    return "(" + ", ".join(f"{x:.0f}" for x in np.round(1e3 * tip) + 0.0) + ")"
 
 
 def _plain(number: float) -> float | str | None:

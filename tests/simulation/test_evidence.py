@@ -102,6 +102,31 @@ def test_a_swing_is_the_amplitude_without_a_quadratic_trend() -> None:
     assert swing(t[:8], along_x(trend[:8])) < 1e-12
 
 
+@pytest.mark.parametrize(("frequency", "fifths"), [(6.0, 2), (7.3, 2), (13.0, 1), (61.0, 1)])
+def test_a_drift_below_an_oscillation_shifts_the_mean_of_the_tip_and_an_oscillation_does_not(
+    frequency: float, fifths: int
+) -> None:
+    """A drift of 0.2 of the oscillation per fifth, or none; a fifth has 1.2 to 12.2 periods."""
+    t = PERIOD * np.arange(1001)
+    rest, wave = np.array([0.6, 0.0, -0.8]), np.array([0.0, 1.0, 0.0])
+    for drift in (0.0, 1e-3):
+        path = drift * t[:, None] * rest + 1e-3 * np.sin(2 * np.pi * frequency * t)[:, None] * wave
+        found = evidence(trace(path), None, Window(0, 1000), None)
+        assert found.shift_fifths[0] == fifths
+        if drift == 0.0:
+            assert found.shift[0] == 0.0
+        else:
+            assert found.shift[0] == pytest.approx(0.2 * drift * fifths, abs=0.08 * 1e-3)
+
+
+def test_a_shift_is_that_of_the_last_two_fifths_and_its_ratio_is_to_the_one_before() -> None:
+    t = PERIOD * np.arange(1001)
+    faster = evidence(trace(along_x(t**2)), None, Window(0, 1000), None)
+    assert faster.shift[0] == pytest.approx(0.9**2 - 0.7**2, rel=0.01)
+    assert faster.shift_ratio[0] == pytest.approx((0.9**2 - 0.7**2) / (0.7**2 - 0.5**2), rel=0.01)
+    assert np.isnan(evidence(trace(along_x(t)), None, Window(0, 39), None).shift[0])
+
+
 def test_contacts_saturation_and_deflection_are_those_of_the_last_fifth() -> None:
     n = 501
     touching, saturated = np.ones(n), np.zeros(n)
@@ -279,7 +304,9 @@ SMALL = {"swing": 1.5e-6, "ripple": 1.5e-6, "ripple_before": 1e-6}
         (STEADY | {"trend": 0.0}, "swing", 0.99e-5, 1.01e-5, State.BOUNDED_OSCILLATION),
         (STEADY | SMALL, "deflection", 1.51e-4, 1.49e-4, State.BOUNDED_OSCILLATION),
         (STEADY | SMALL | {"deflection": 0.0, "ripple": 9e-7}, "swing", 0.99e-6, 1.01e-6, State.BOUNDED_OSCILLATION),
-        (STEADY, "resolution", 2.01e-5, 1.99e-5, State.BOUNDED_OSCILLATION),
+        (STEADY | {"linear": 1}, "resolution", 2.01e-5, 1.99e-5, State.BOUNDED_OSCILLATION),
+        (STEADY | {"resolution": 3e-5}, "swing", 1.49e-5, 1.51e-5, State.UNDECIDED),
+        (STEADY | {"resolution": 3e-5, "swing": 1.51e-5}, "linear", 1, 0, State.UNDECIDED),
         ({}, "kept", 0.299, 0.301, State.BOUNDED_OSCILLATION),
         ({"decay": 0.7}, "kept", 3 * 0.7**4 - 1e-3, 3 * 0.7**4 + 1e-3, State.BOUNDED_OSCILLATION),
         ({"decay": 0.999, "trend": 0.0}, "kept", 0.899, 0.901, State.BOUNDED_OSCILLATION),
@@ -297,6 +324,10 @@ SMALL = {"swing": 1.5e-6, "ripple": 1.5e-6, "ripple_before": 1e-6}
         ({"decay": 0.99, "trend": 1e-6}, "swing", 2.01e-6, 1.99e-6, State.UNDECIDED),
         ({"linear": 0, "trend_before": 2e-5}, "trend", 1.31e-5, 1.32e-5, State.UNDECIDED),
         ({"linear": 0, "trend_before": np.nan}, "trend", 1.31e-6, 1.32e-6, State.UNDECIDED),
+        ({"decay": 0.8, "shift_ratio": 0.1}, "shift", 1.249e-5, 1.251e-5, State.UNDECIDED),
+        ({"decay": 0.8, "shift_fifths": 2}, "shift", 2.81e-5, 2.82e-5, State.UNDECIDED),
+        ({"linear": 0, "shift_ratio": 0.5}, "shift", 4.99e-5, 5.01e-5, State.UNDECIDED),
+        ({"linear": 0, "shift": 1.9e-5, "shift_ratio": 1.5}, "resolution", 9.6e-5, 9.4e-5, State.UNDECIDED),
         ({}, "linear", 1, -1, State.UNSTABLE),
     ],
 )  # fmt: skip

@@ -438,3 +438,42 @@ def test_the_loop_in_contact_does_not_judge_a_tip_that_never_touches_its_wall() 
     assert verdicts[0].state in (State.CONTACT_LOST, State.SETTLED)
     assert verdicts[1].state is State.SETTLED
     assert verdicts[2].state in (State.UNSTABLE, State.BOUNDED_OSCILLATION)
+
+
+def arm_run(pose: tuple[float, float, float], duration: str, **tables: dict[str, Any]) -> Trace:
+    """Return a run of the arm as an impedance display from a pose, rad."""
+    arm = {"name": "phantom-premium-1.5a", **tables.pop("device", {})}
+    servo = {"period": "1 ms", "topology": "impedance_display"}
+    start = {"pose": [f"{angle} rad" for angle in pose]}
+    return palpate.simulate({"device": arm, "servo": servo, "start": start, "run": {"duration": duration}, **tables})
+
+
+@pytest.mark.parametrize("duration", ["2.1 s", "30 s"])
+def test_an_oscillation_does_not_hide_a_slow_drift_near_a_singular_pose(duration: str) -> None:
+    """The mean drifts by the size of the oscillation per fifth of the short run, then by 0.4 of the deflection."""
+    hand = {"kind": "arm", "mass": "0.334 kg", "damping": "0.453 N*s/m", "stiffness": "192 N/m"}
+    trace = arm_run(
+        (0.306, 1.367, -0.301),
+        duration,
+        object={"kind": "wall", "stiffness": "53.1 N/m", "normal": [-0.622, -0.733, 0.276]},
+        operator={**hand, "force": ["1.02 N", "1.13 N", "-0.66 N"]},
+    )
+    assert trace.verdict.state is (State.SETTLED if duration == "30 s" else State.UNDECIDED)
+
+
+def test_a_guard_does_not_stabilize_an_arm_that_tips_over_along_its_wall() -> None:
+    """Under a constant force it leaves the wall after 58 s. A hand that holds it prevents that."""
+    wall = {"kind": "wall", "stiffness": "38.8 N/m", "normal": [0, 0, 1]}
+    push = {"force": ["0 N", "0 N", "-0.0276 N"]}
+    hand = {"kind": "arm", "mass": "0.1 kg", "damping": "5 N*s/m", "stiffness": "100 N/m", **push}
+    for operator, expected in (({"kind": "force", **push}, State.UNDECIDED), (hand, State.SETTLED)):
+        verdict = arm_run(
+            (0.0174, 2.366, 2.981),
+            "3.3 s",
+            device={"delay": 2, "encoder": True},
+            object=wall,
+            operator=operator,
+            guard={"kind": "passivity_controller"},
+        ).verdict
+        assert verdict.state is expected
+        assert ("the linear loop is unstable" in str(verdict.linear)) is (expected is State.UNDECIDED)

@@ -20,6 +20,7 @@ from palpate.simulation.windows import Window
 
 FASTEST: Final = 1e100  # growth in a fifth of the window above which it is all the same
 ROUNDING: Final = 1e-7  # of a body's forces, whose compliance has single precision
+CLEAR, SIDE_LOBE = 2.0, 0.0275  # periods from which a Hann window passes at most that share of an oscillation
 ONE_SIDED: Final = ("wall", "mesh", "body", "force_law", "textured_wall")  # kinds of objects
 
 __all__ = [
@@ -80,6 +81,7 @@ def evidence(
     def largest(begin: int, end: int) -> float:
         return float(bend[begin + 1 : end + 1].max(initial=0.0))
 
+    late = largest(last - fifth, last)
     deflection = trace["deflection"] if "deflection" in trace else tip - tip[0]
     touching = trace["touching"][:, 0] > 0.0
     lost = pushed_through(trace) is not None
@@ -93,11 +95,12 @@ def evidence(
         unstable_from=np.nan,
         early=largest(first + fifth, first + 2 * fifth),
         prior=largest(last - 2 * fifth, last - fifth),
-        late=0.0 if rounded else largest(last - fifth, last),
+        late=0.0 if rounded else late,
         ripple=float(np.ptp(tip[ending], axis=0).max(initial=0.0)) / 2.0,
         ripple_before=float(np.ptp(tip[resting], axis=0).max()) / 2.0 if resting.start < resting.stop else np.nan,
         swing=swings,
         swing_before=swing(trace.time[before], tip[before]),
+        **_shifts(tip[: last + 1], window, late, swings),
         deflection=deep,
         touching=0.0 if lost else float(touching[ending].mean()),  # lost in a body, the tip may still touch others
         contacts=float(np.count_nonzero(touching[ending] & ~touching[last - fifth : last])),
@@ -234,6 +237,46 @@ def swing(time: Array, tip: Array) -> float:
     x = np.linspace(-1.0, 1.0, len(time))
     basis = np.linalg.qr(np.vander(x, 3))[0]
     return float(np.ptp(tip - basis @ (basis.T @ tip), axis=0).max()) / 2.0
+
+
+def _shifts(tip: Array, window: Window, late: float, amplitude: float) -> dict[str, float]:
+    """Return `shift`, `shift_ratio` and `shift_fifths` of a tip (n, 3), m; {} if the window is short.
+
+    Args:
+        tip: up to the last sample of the window.
+        window: judged.
+        late: largest second difference in the last fifth, m.
+        amplitude: of the oscillation there, m.
+    """
+    fifth, n = window.fifth, len(tip)
+    if fifth < 8 or n - 4 * fifth < window.begin:
+        return {}
+
+    def moved(size: int, back: int = 0) -> float:
+        end = n - back * size
+        return float(np.linalg.norm(_mean(tip[end - size : end]) - _mean(tip[end - 2 * size : end - size])))
+
+    turns = fifth * float(np.sqrt(late / amplitude)) / (2.0 * np.pi) if amplitude > 0.0 else np.inf
+    span = 1 if turns >= CLEAR else 2
+    leak = 2.0 * _passed(span * turns) * amplitude
+    return {
+        "shift": max(moved(span * fifth) - leak, 0.0),
+        "shift_ratio": moved(fifth) / max(moved(fifth, 1), 1e-300),
+        "shift_fifths": span,
+    }
+
+
+def _mean(tip: Array) -> Array:
+    """Return the mean (3,) of tip positions (n, 3) with the weights of a Hann window, m."""
+    weights = np.hanning(len(tip) + 2)[1:-1]
+    return np.asarray(weights @ tip / weights.sum())
+
+
+def _passed(turns: float) -> float:
+    """Return the share of an oscillation with at least so many periods that its weighted mean passes."""
+    if turns >= CLEAR:
+        return SIDE_LOBE
+    return max(0.5 if turns == 1.0 else abs(float(np.sinc(turns)) / (1.0 - turns**2)), SIDE_LOBE)
 
 
 def leaves_reach(trace: Recorded, scenario: Scenario, window: Window) -> bool:

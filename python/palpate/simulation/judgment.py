@@ -24,6 +24,8 @@ from palpate.simulation.verdict import (
     Evidence,
     State,
     Verdict,
+    ahead,
+    chatters,
     decide,
     generates,
 )
@@ -267,6 +269,11 @@ def _undecided(time: Array, e: Evidence, swing: str, tool: bool) -> str:
     if e.ripple[0] <= band and e.ripple_before[0] > BEFORE * band:
         before = f"{1e3 * float(e.ripple_before[0]):.3g} mm"
         return f"it rests in the last fifth alone, and moved by {before} in the fourth: give a longer run.duration"
+    if e.ripple[0] <= band and ahead(e)[0] > band:
+        left = f"{1e3 * float(ahead(e)[0]):.3g} mm"
+        return f"its mean position still shifts, and {left} may be left: give a longer run.duration"
+    if e.ripple[0] <= band and int(e.linear[0]) <= 0 and bool(chatters(e)[0]):
+        return f"it oscillates by {swing}, within two encoder counts, in which a growing oscillation begins as well"
     if bool(generates(e)[0]) and int(e.linear[0]) <= 0:
         share = f"{100 * float(e.generated[0]):.3g} % of the energy that the operator supplied"
         return f"it moves by {swing}, and its motors keep generating energy: {share} in the last fifth"

@@ -11,6 +11,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
+from palpate.scenario.guard import Guard
 from palpate.simulation.admittance import display_matrix
 from palpate.simulation.equivalent_spring import as_spring
 from palpate.simulation.linear_contact import contact_radius
@@ -29,6 +30,9 @@ __all__ = [
 
 AT_REST = 5e-3  # m/s: largest speed of a tip at rest
 AT_LIMIT = 1e-9  # distance of a spectral radius from 1 within which the linear loop is at its limit
+GUARDED = (1.0, 0.3, 0.1, 0.0)  # shares of an object's stiffness that a guard may leave
+DAMPED = (0.0, 1.0, 10.0, 100.0)  # damping that it may add, times the stiffness and the period
+SLOWEST = 1e-6  # growth per tick of a guarded loop that counts; double roots at the limit are rounded by less
 LAST = 20  # samples over which the speed at rest is measured
 
 
@@ -73,11 +77,32 @@ def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearR
     if scenario is None or own.get("given") or own.get("kind") == "python" or "object" in trace.metadata:
         return None, ""
     if scenario.guard.kind != "none":
-        return None, "a guard makes the loop nonlinear, and the linear loop is that without it"
+        found = _guarded(trace, scenario)
+        alone = "a guard makes the loop nonlinear, and the linear loop is that without it"
+        return found, "" if found is not None else alone
     found, reason = _of_kind(trace, scenario)
     if found is not None and scenario.servo.jitter > 0.0 and linear_sign(found.worst) > 0:
         return None, "late ticks destabilize a loop, and the linear loop is that without them"
     return found, reason
+
+
+def _guarded(trace: Recorded, scenario: Scenario) -> LinearRadii | None:
+    """Return the least spectral radius of a loop that no guard stabilizes; None if one may.
+
+    A guard reduces the force of the object or adds damping to it. It does nothing for an arm that tips over along a
+    wall.
+    """
+    touched = "touching" not in trace or bool(trace["touching"].any())
+    if scenario.contact_kind not in ("spring", "wall") or not touched:
+        return None
+    try:
+        loop = scenario_loop(scenario.model_copy(update={"guard": Guard()}))
+    except PalpateError:
+        return None
+    k, b = loop.stiffness, loop.damping
+    dampers = [b + share * float(k.max()) * loop.period * np.eye(len(k)) for share in DAMPED]
+    least = min(loop.spectral_radius(share * k, damper) for share in GUARDED for damper in dampers)
+    return LinearRadii(least, None) if least > 1.0 + SLOWEST else None
 
 
 def _of_kind(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:

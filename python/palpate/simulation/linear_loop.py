@@ -131,7 +131,7 @@ class ScenarioLoop:
         """Return the closed loop's matrix with the object's stiffness and damping times ``scale``."""
         return np.asarray(closed_loop_matrix(self.gain(), scale).real, dtype=float)
 
-    def spectral_radius(self, stiffness: float | None = None, damping: float | None = None) -> float:
+    def spectral_radius(self, stiffness: ArrayLike | None = None, damping: ArrayLike | None = None) -> float:
         """Return the largest modulus of the closed loop's eigenvalues, for another K and B if given."""
         return spectral_radius(self.gain(stiffness, damping))
 

@@ -12,7 +12,18 @@ from numpy.typing import NDArray
 
 from palpate.arrays import Array
 
-__all__ = ["FAILED", "OSCILLATES", "Evidence", "State", "Verdict", "decide", "generates", "growth"]
+__all__ = [
+    "FAILED",
+    "OSCILLATES",
+    "Evidence",
+    "State",
+    "Verdict",
+    "ahead",
+    "chatters",
+    "decide",
+    "generates",
+    "growth",
+]
 
 STILL = 1e-14  # m, second differences of tip positions at rounding level
 GROWING = 1.02  # growth factor of an oscillation per fifth of the window above which it grows
@@ -28,6 +39,8 @@ FLOOR = 1e-6  # m: the smallest oscillation and band that matter
 LASTING = 0.95  # largest factor per fifth by which a trend is taken to decay where no linear loop is known
 FAST = 0.1  # factor per fifth of the linear loop's slowest motion below which it does not explain a lasting trend
 TREND = 1.5  # ripple over swing above which a motion has a trend; an oscillation of a period per fifth has less
+WANDERS = 0.2  # of two encoder counts: shift of that mean which chatter explains where no linear loop is known
+CHATTER = 0.5  # of two encoder counts: oscillation above which it may be a growing one where no linear loop is known
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
 PERSISTS, MOST = 0.3, 0.9  # share of the response to a push that counts as persistent; the same near the limit
@@ -142,6 +155,10 @@ class Evidence:
         swing_before: the same in the fourth fifth, m; nan if unknown.
         trend: half the range of the trend in the last fifth, m: ripple without swing.
         trend_before: the same in the fourth fifth, m; nan if unknown.
+        shift: distance of the tip's weighted means in the last two stretches of `shift_fifths`, less the oscillation's
+            part in it, m; nan if unknown. The weights are those of a Hann window, which averages oscillations out.
+        shift_ratio: ratio of that distance of the last two fifths to the one before; nan if unknown.
+        shift_fifths: 1, or 2 if the oscillation has less than two periods per fifth.
         deflection: magnitude of the object's mean deflection in the last fifth, m.
         error: relative difference of that deflection from force over stiffness; nan if that is unknown. Of an
             admittance display: the distance of tip and tool over the deflection.
@@ -175,6 +192,9 @@ class Evidence:
     swing_before: Array
     trend: Array
     trend_before: Array
+    shift: Array
+    shift_ratio: Array
+    shift_fifths: NDArray[np.int_]
     deflection: Array
     error: Array
     drift: Array
@@ -197,14 +217,15 @@ class Evidence:
     @classmethod
     def of(cls, count: int, **values: Any) -> Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
-        names = ("ripple_before", "swing_before", "error", "drift", "decay", "kept", "generated", "generated_before")
-        unknown = dict.fromkeys(names, np.nan)
+        names = ("ripple_before", "swing_before", "shift", "shift_ratio", "error", "drift", "decay", "kept")
+        unknown = dict.fromkeys((*names, "generated", "generated_before"), np.nan)
         none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear", "creep"), 0)
         swing = values.get("swing", values["ripple"])
         before = values.get("ripple_before", np.nan) - values.get("swing_before", np.nan)
         defaults: Mapping[str, Any] = {
             **unknown,
             **none,
+            "shift_fifths": 1,
             "swing": swing,
             "trend": values["ripple"] - swing,
             "trend_before": before,
@@ -237,19 +258,47 @@ def generates(e: Evidence) -> NDArray[np.bool_]:
     return np.asarray(steady & (e.swing > np.maximum(e.resolution, FLOOR)), dtype=bool)
 
 
-def _ahead(e: Evidence) -> Array:
-    """Return how far tips (n,) have yet to go if their trend goes on, m.
+def ahead(e: Evidence) -> Array:
+    """Return how far tips (n,) have yet to go if their trend, or the shift of their mean, goes on, m.
 
-    It decays as the linear loop's slowest motion. Without a linear loop, or if that motion is far too fast to explain
-    it, as for a tip that slides on, it decays as over the last two fifths, and by `LASTING` per fifth at least.
+    The trend is that of the largest axis; the shift shows below an oscillation as well.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        measured = e.trend / e.trend_before
-        explained = (e.linear > 0) & ~((e.decay < FAST) & (measured > np.sqrt(np.sqrt(e.decay))))
-        factor = np.where(explained, e.decay, np.fmin(measured, LASTING))
-        left = 2.0 * e.trend * factor / (1.0 - factor)
+        slowing = e.trend / e.trend_before
     trends = (e.trend > SMALL) & (e.trend > (TREND - 1.0) * e.swing)
-    return np.where(trends, left, 0.0)
+    shifts = (e.shift > SMALL) & (_explained(e, e.shift_ratio) | (e.shift > WANDERS * e.resolution))
+    left = np.where(trends, _remaining(e, 2.0 * e.trend, slowing), 0.0)
+    return np.fmax(left, np.where(shifts, _remaining(e, e.shift, e.shift_ratio, e.shift_fifths), 0.0))
+
+
+def _explained(e: Evidence, ratio: Array) -> NDArray[np.bool_]:
+    """Return whether the linear loop's slowest motion explains motions (n,) with a `ratio` per fifth.
+
+    It does not if it is far too fast, as for a tip that slides on.
+    """
+    with np.errstate(invalid="ignore"):
+        return np.asarray((e.linear > 0) & ~((e.decay < FAST) & (ratio > np.sqrt(np.sqrt(e.decay)))), dtype=bool)
+
+
+def _remaining(e: Evidence, motion: Array, ratio: Array, fifths: NDArray[np.int_] | int = 1) -> Array:
+    """Return the sum of motions (n,), m, of all later stretches of so many fifths.
+
+    They decay as the linear loop's slowest motion if that explains them. Otherwise they decay by the measured `ratio`,
+    and by `LASTING` per fifth at least.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        factor = np.where(_explained(e, ratio), e.decay, np.fmin(ratio, LASTING)) ** fifths
+        return np.asarray(motion * factor / (1.0 - factor), dtype=float)
+
+
+def chatters(e: Evidence) -> NDArray[np.bool_]:
+    """Return whether tips (n,) oscillate by more than one encoder count, within the two that count as rest.
+
+    Such an oscillation may grow in a loop that no linear loop shows to be stable.
+    """
+    return np.asarray(
+        (e.resolution > 0.0) & (e.swing > np.maximum(SWING * e.deflection, CHATTER * e.resolution)), dtype=bool
+    )
 
 
 def decide(e: Evidence) -> NDArray[np.int8]:
@@ -286,9 +335,10 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     rests = (((e.ripple <= band) & ~creeps) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
-    rests &= ~(_ahead(e) > band) & ~(e.creep > band)
+    rests &= ~(ahead(e) > band) & ~(e.creep > band)
     rests &= stable | ~(e.ripple_before > BEFORE * band)  # a turning point of a slow motion looks like rest
     rests &= stable | ~generates(e)
+    rests &= stable | ~chatters(e)
     state = np.select(
         [
             unstable,

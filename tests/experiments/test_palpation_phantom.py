@@ -132,7 +132,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> PalpationSweep:
 
 
 def test_a_sweep_finds_the_nodule_where_it_is(sweep: PalpationSweep) -> None:
-    """Stiffest over the middle, alike on both sides, told by a hand; without it there is nothing to tell."""
+    """The stiffness is largest over the nodule, symmetric about it, and the contrast is perceptible."""
     assert sweep.detectable
     assert abs(sweep.with_nodule.position[np.argmax(sweep.with_nodule.stiffness)]) < 7.5e-3
     assert sweep.without_nodule.contrast < 0.1

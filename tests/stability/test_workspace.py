@@ -207,7 +207,7 @@ def test_what_has_no_workspace_is_refused(change: dict[str, Any], says: str) -> 
 
 
 def test_workspace_from_the_command_line(tmp_path: Path) -> None:
-    """A device by its name; the page has its maps, the file every number; an unknown device is told in a sentence."""
+    """A device by its name; the page has its maps, the file every number; an unknown device gives an error message."""
     runner = CliRunner()
     asked = ["workspace", "phantom-premium-1.5a-rotors", "--poses", "60", "--out", str(tmp_path / "out")]
     done = runner.invoke(app, asked)

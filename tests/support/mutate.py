@@ -1,4 +1,4 @@
-"""Measure which changes of the Python source the tests notice: `python tests/support/mutate.py --count 200 --seed 1`.
+"""Run mutation tests of the Python source: `python tests/support/mutate.py --count 200 --seed 1`.
 
 A mutant is one small change: another comparison, sign, operator, constant or order of arguments, a dropped statement or
 guard. First each test file runs once in a copy of the repository, to record the time of its tests and the functions

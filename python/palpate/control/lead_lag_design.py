@@ -1,4 +1,4 @@
-"""Lead-lag design of a force-tracking controller, axis by axis, from crossover, phase margin and steady error.
+"""Design of a lead-lag controller for force tracking, per axis, from crossover, phase margin and steady error.
 
 Each axis gets c(z) = gain * lead * lag, designed on the exact response of the sampled plant at the crossover, which
 includes the delay of the hold. With w = (2/T) (z-1)/(z+1) and W = (2/T) tan(omega T/2):

@@ -63,7 +63,7 @@ class ContactHistory(NamedTuple):
 
 
 class IndentableBody(CondensedBody):
-    """Condensed body with the methods that indent it by a rigid tip."""
+    """Condensed body that a rigid tip indents."""
 
     def indent(
         self, point: ArrayLike, radius: float | str, depth: float | str, *, tip: TipShape = "sphere"

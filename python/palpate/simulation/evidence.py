@@ -152,9 +152,9 @@ def moved_until(trace: Recorded, scenario: Scenario) -> int:
 def _creep(trace: Recorded, scenario: Scenario, window: Window, deflection: Array, touching: Flags) -> float:
     """Return how far the tip can follow the creep of a body after the run, m; 0 without creep.
 
-    Since the force is constant and the tip in contact, for a time t, the stiffness K has fallen towards q K with
-    q = 1 - (1 - 1/r) exp(-t/tau), of the standard linear solid with instantaneous ratio r and retardation time tau. An
-    arm of stiffness k, which gives way, follows by the factor (k + K)/(k + q K); under a tracked force k is zero.
+    The body is a standard linear solid with instantaneous ratio r and retardation time tau. After a time t in contact
+    under a constant force, its stiffness K still falls to q K, with q = 1 - (1 - 1/r) exp(-t/tau). The deflection under
+    an arm of stiffness k grows by the factor (k + K)/(k + q K). Under a tracked force k is zero.
     """
     solids = [one.object.body.options for one in scenario.each_object.values() if one.object.body is not None]
     ending, held = window.ending, np.flatnonzero(~touching[: window.end + 1])

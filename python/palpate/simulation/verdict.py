@@ -142,7 +142,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What loops did in their judged window, in which the external force is constant; arrays (n,), one row per loop.
+    """Evidence of loops in their judged window, in which the external force is constant; arrays (n,), a row per loop.
 
     An oscillation is the largest second difference of the tip position in a fifth of the window.
 
@@ -252,7 +252,7 @@ def growth(unstable_from: Array, early: Array, prior: Array, late: Array) -> Arr
 def generates(e: Evidence) -> NDArray[np.bool_]:
     """Return whether displays keep generating energy (n,), in motions above the resolution of the encoders.
 
-    In a loop at rest nothing dissipates the energy. Within two encoder counts any loop may do so.
+    Such a loop is not at rest. Motions within two encoder counts may generate energy in any loop.
     """
     steady = (e.generated > GENERATED) & (e.generated >= SUSTAINED * e.generated_before)
     return np.asarray(steady & (e.swing > np.maximum(e.resolution, FLOOR)), dtype=bool)

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import control
 import numpy as np
 import palpate
 import pytest
@@ -330,3 +331,21 @@ def test_a_design_stiffness_is_one_or_three_numbers_or_text_with_a_unit() -> Non
     for wrong in ("1.5 mm", 0.0, -1.0, np.inf, [1.0, np.nan, 1.0]):
         with pytest.raises(DesignError, match="normalized: stiffness"):
             plain.normalized(wrong)
+
+
+def test_a_controller_has_six_inputs_three_outputs_a_period_and_finite_matrices() -> None:
+    def made(a: float = 0.5, b: float = 1.0, c: float = 1.0, d: float = 0.0, dt: Any = 1e-3, n: int = 6) -> Controller:
+        system = control.StateSpace([[a]], np.full((1, n), b), np.full((3, 1), c), np.full((3, n), d), dt)
+        return Controller(system, np.zeros((1, 3)))
+
+    assert made().system.nstates == 1
+    for name in "abcd":
+        with pytest.raises(DesignError, match="a controller's matrices must be finite"):
+            made(**{name: np.nan})
+    for wrong in (0, True, None):
+        with pytest.raises(DesignError, match="a controller is sampled with its servo period in s, not dt = "):
+            made(dt=wrong)
+    with pytest.raises(DesignError, match=r"maps 6 inputs \[F_ref; F_object\] to 3 outputs, not 5 to 3"):
+        made(n=5)
+    with pytest.raises(DesignError, match=r"antiwindup must be 1 x 3 \(states x forces\), not \(3, 1\)"):
+        Controller(made().system, np.zeros((3, 1)))

@@ -11,8 +11,8 @@ from palpate import _core, devices
 from palpate.control import WorkspaceController, workspace
 from palpate.errors import OutputError, ScenarioError
 from palpate.scenario import Scenario
-from palpate.simulation.loop_config import _controller
-from palpate.simulation.meshes import box_mesh, mesh_origin, sensed_tip, touched_mesh
+from palpate.simulation.loop_config import _controller, _force_object
+from palpate.simulation.meshes import box_mesh, bumpy_ellipsoid, mesh_origin, sensed_tip, touched_mesh
 from palpate.simulation.simulator import _hold
 
 ARM, SLIDER = devices.load("phantom-premium-1.5a"), devices.load("slider")
@@ -70,6 +70,22 @@ def test_a_cube_has_equal_triangles_that_face_outward_and_its_origin_on_top(n: i
     assert (np.einsum("ij,ij->i", outward, area) > 0.0).all()
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     assert set(np.unique(sides, axis=0, return_counts=True)[1]) == {2}
+
+
+@pytest.mark.parametrize("bump", [0.0, 0.2])
+def test_an_ellipsoid_bulges_as_its_formula_says_and_its_top_is_the_origin(bump: float) -> None:
+    size = np.array([0.04, 0.06, 0.03])
+    vertices, triangles = bumpy_ellipsoid((0.04, 0.06, 0.03), bump, 3)
+
+    def radius(x: Any, y: Any, z: Any) -> Any:
+        waves = np.sin(5 * x + 1) * np.sin(4 * y + 2) + np.sin(3 * z) * np.cos(4 * x + 3 * y)
+        return 1 + bump * waves / 2
+
+    away = 2.0 * (vertices + size * [0.0, 0.0, 0.5 * radius(0.0, 0.0, 1.0)]) / size
+    length = np.linalg.norm(away, axis=1)
+    np.testing.assert_allclose(length, radius(*(away / length[:, None]).T), rtol=1e-12)
+    assert np.ptp(length) > bump
+    assert (len(vertices), len(triangles)) == (642, 1280)
 
 
 @pytest.mark.parametrize("pattern", ["stripes", "checkerboard"])
@@ -148,3 +164,17 @@ def test_a_workspace_controller_is_resolved_with_its_numbers_and_the_tool_of_a_d
     assert tracking["stiffness"] == list(controller.stiffness)
     with pytest.raises(OutputError, match="it knows another device than that of the scenario"):
         _controller(controller, ARM, None)
+
+
+def test_a_force_object_is_resolved_to_plain_numbers_and_the_table_of_a_law_to_files() -> None:
+    written: list[Any] = []
+    blobs: Any = SimpleNamespace(write=lambda key, values: written.append((key, values)) or f"{key}.file")
+    well = {"kind": "gravity_well", "point": np.array([1.0, 2.0, 3.0]), "cap": np.inf, "radius": 0.5, "count": 3}
+    assert _force_object(well, blobs) == {
+        "kind": "gravity_well", "point": [1.0, 2.0, 3.0], "cap": None, "radius": 0.5, "count": 3
+    }  # fmt: skip
+    assert written == []
+    law = {"kind": "force_law", "depth": np.array([0.0, 1.0]), "force": np.array([0.0, 5.0]), "damping": 2.0}
+    found = _force_object(law, blobs)
+    assert found == {"kind": "force_law", "depth": "depth.file", "force": "force.file", "damping": 2.0}
+    assert [(key, values.tolist()) for key, values in written] == [("depth", [0.0, 1.0]), ("force", [0.0, 5.0])]

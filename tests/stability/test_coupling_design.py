@@ -58,6 +58,7 @@ def test_an_admittance_coupling_is_at_the_limit_of_llewellyn() -> None:
         assert bool(llewellyn(admittance, tracking, -one, damper).min() >= 0.0) is accepted
     double = admittance_coupling(mass=2.0 * m, damping=2.0 * b, period=t, operators=())
     assert (double.mass, double.damping) == pytest.approx((2.0 * found.mass, 2.0 * found.damping), rel=1e-9)
+    assert (double.exact, double.heaviest, double.worst) == (0.0, float("inf"), None)  # without an operator
 
 
 def tool_radius(tool: float, mass: float, grip: HumanArm) -> float:

@@ -113,3 +113,16 @@ def test_the_least_stable_stiffness_brings_the_root_of_a_falling_device_back(pol
     loop = SimpleNamespace(spectral_radius=lambda k, _b: abs(pole - 1e-4 * k))
     edge = SimpleNamespace(inside=(3.0, 4000.0))
     assert zwidth_map._min_stable_stiffness(loop, edge) == pytest.approx(expected, rel=1e-6)  # type: ignore[arg-type]
+
+
+def test_the_growth_of_a_linear_device_is_that_of_the_nonlinear_one_where_both_are_the_same() -> None:
+    """A slider: a mass with viscous friction. The last loop diverges."""
+    stiffness = np.array([20.0, 90.0, 120.0, 200.0, 1e5])[:, None] * np.ones(3)
+    damping = np.array([0.0, 0.0, 0.1, 0.0, 0.0])[:, None] * np.ones(3)
+    found = []
+    for model in ("nonlinear", "linear"):
+        scenario = Scenario.from_dict({**SLIDER, "device": {"name": "slider", "model": model}})
+        simulation = simulated._prepare(scenario, scenario_loop(scenario), 700)
+        found.append(simulated._growth(simulation, stiffness, damping))
+    assert found[0][0] < 1.0 < found[0][3] < found[0][4] == np.inf
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import control
@@ -162,7 +163,7 @@ class TouchedSurface:
             )
         vertices, triangles = self.mesh.vertices, self.mesh.triangles
         known: dict[tuple[int, int], int] = {}
-        ends: dict[int, int] = {}
+        ends: Counter[int] = Counter()
         seen: list[Array] = []
         for f in faces.tolist():
             for i in range(3):
@@ -175,8 +176,7 @@ class TouchedSurface:
                 apex = vertices[next(v for v in triangles[other] if v not in (a, b))]
                 if (apex - vertices[a]) @ self.normals[f] <= FLAT * np.linalg.norm(edge):
                     continue
-                for v in (a, b):
-                    ends[v] = max(ends.get(v, 0), 1) + (1 if v in ends else 0)
+                ends.update((a, b))
                 t = edge / np.linalg.norm(edge)
                 pair = {float(self.stiffness[f, 1]), float(self.stiffness[other, 1])}
                 if any(abs(t @ one) > np.cos(NORMAL_RESOLUTION) for one in seen):

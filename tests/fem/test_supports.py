@@ -62,6 +62,29 @@ def test_a_tip_over_held_nodes_is_warned_of_where_it_overlaps_them(body: Body, t
         assert not warned(body, x)
 
 
+def test_a_tip_overlaps_what_is_held_if_any_held_vertex_is_in_it(body: Body) -> None:
+    """Also if the vertex nearest to the middle of a tilted end lies beside it."""
+    held, rng = body.held(LEFT), np.random.default_rng(0)
+    top = held.points[held.points[:, 2] > 19.9e-3]
+    still = top[top[:, 0] < 11e-3]
+    centers = np.column_stack(
+        [rng.uniform(0.0, 25e-3, 300), rng.uniform(0.0, 40e-3, 300), rng.uniform(17e-3, 22e-3, 300)]
+    )
+    offsets = still[None] - centers[:, None]
+    distance = np.linalg.norm(offsets, axis=2)
+    assert held.overlaps_fixed(centers, 4e-3)[distance.min(axis=1) < 3.99e-3].all()
+    assert not held.overlaps_fixed(centers, 1e-3)[centers[:, 2] < 18.9e-3].any()
+    nearest_is_beside = 0
+    for tilt in (0.0, 0.5, 1.0):
+        axis = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+        above = offsets @ axis
+        inside = (above > 5e-6) & (np.sqrt(distance**2 - above**2) < 3.99e-3)
+        assert held.overlaps_fixed(centers, 4e-3, axis)[inside.any(axis=1)].all()
+        assert not held.overlaps_fixed(centers + 0.1 * axis, 4e-3, axis).any()
+        nearest_is_beside += np.count_nonzero(inside.any(axis=1) & ~inside[np.arange(300), distance.argmin(axis=1)])
+    assert nearest_is_beside > 10
+
+
 @pytest.mark.parametrize(("x", "told"), [("-5 mm", True), ("8 mm", False)])
 def test_a_run_whose_tip_overlaps_a_held_part_says_that_its_force_is_too_small(x: str, told: bool) -> None:
     """The held part ends 10 mm beside the middle of the block, to which the tip lies at `x`."""

@@ -120,13 +120,14 @@ class CondensedBody:
         return Mesh(self.points, faces, open=True, repair=False) if len(faces) else None
 
     @cached_property
-    def _fixed_surface(self) -> tuple[Mesh | None, Array]:
-        """Triangles of the contact surface that are fixed or held, and all fixed or held vertices of it (k, 3), m."""
+    def _fixed_surface(self) -> tuple[Mesh | None, cKDTree | None]:
+        """Triangles of the contact surface that are fixed or held, and a tree of its fixed or held vertices, if any."""
         faces = self.contents.triangles[self.contents.contact_triangles]
         free = np.isin(faces, self.contents.nodes)
         still = faces[~free.any(axis=1)]
         mesh = Mesh(self.points, still, open=True, repair=False) if len(still) else None
-        return mesh, self.points[np.unique(faces[~free])]
+        vertices = np.unique(faces[~free])
+        return mesh, cKDTree(self.points[vertices]) if len(vertices) else None
 
     def overlaps_fixed(self, centers: Array, radius: float, axis: Array | None = None) -> Flags:
         """Return whether a rigid tip at each of `centers` (m, 3), m, overlaps the fixed or held contact surface (m,).
@@ -138,19 +139,25 @@ class CondensedBody:
             radius: m.
             axis: unit vector along the rod, out of the body (3,); None: a sphere.
         """
-        mesh, vertices = self._fixed_surface
+        mesh, tree = self._fixed_surface
         found = np.zeros(len(centers), dtype=bool)
-        if len(vertices) == 0:
+        if tree is None:
             return found
-        near = [vertices[cKDTree(vertices).query(centers)[1]]]
+        vertices = np.asarray(tree.data)
+
+        def overlap(offsets: Array) -> Flags:
+            if axis is None:
+                return np.asarray(np.linalg.norm(offsets, axis=1) < 0.999 * radius, dtype=bool)
+            above = offsets @ axis
+            beside = np.linalg.norm(offsets - np.outer(above, axis), axis=1)
+            return np.asarray((above > 1e-3 * radius) & (beside < 0.999 * radius), dtype=bool)
+
         if mesh is not None:
-            near.append(mesh.nearest(centers)[0])
-        for points in near:
-            beside, inside = points - centers, np.ones(len(centers), dtype=bool)
-            if axis is not None:
-                above = beside @ axis
-                beside, inside = beside - np.outer(above, axis), above > 1e-3 * radius
-            found |= inside & (np.linalg.norm(beside, axis=1) < 0.999 * radius)
+            found |= overlap(mesh.nearest(centers)[0] - centers)
+        if axis is None:
+            return found | overlap(vertices[tree.query(centers)[1]] - centers)
+        for row in np.flatnonzero(~found):  # the nearest vertex may lie beside the rod and another one under it
+            found[row] = overlap(vertices - centers[row]).any()
         return found
 
     def on_surface(self, values: ArrayLike) -> Array:

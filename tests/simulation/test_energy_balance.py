@@ -120,3 +120,6 @@ def test_the_energies_do_not_judge_a_loop_that_is_stable_or_within_two_encoder_c
     assert state(Evidence.of(1, **values, linear=1)) is State.SETTLED
     assert state(Evidence.of(1, **values, resolution=1e-4)) is State.SETTLED
     assert state(Evidence.of(1, **{**values, "generated_before": 0.2})) is State.SETTLED
+    unstable = {**values, "late": 5e-6, "linear": -1, "lossy": True}
+    assert state(Evidence.of(1, **unstable)) is State.UNSTABLE
+    assert state(Evidence.of(1, **{**unstable, "generated": 0.0})) is State.UNDECIDED

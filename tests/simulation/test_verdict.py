@@ -477,3 +477,20 @@ def test_a_guard_does_not_stabilize_an_arm_that_tips_over_along_its_wall() -> No
         ).verdict
         assert verdict.state is expected
         assert ("the linear loop is unstable" in str(verdict.linear)) is (expected is State.UNDECIDED)
+
+
+@pytest.mark.parametrize(
+    ("guard", "expected"),
+    [("passivity_controller", State.UNSTABLE), ("half_sample", State.UNSTABLE), ("energy_bound", State.SETTLED)],
+)
+def test_of_the_guards_only_an_energy_bound_stabilizes_a_bilinear_damper(guard: str, expected: State) -> None:
+    """It oscillates at half the sampling rate and diverges after 23 s and 10 s; in 1 s its growth hardly shows."""
+    hand = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "560 N/m"}
+    verdict = arm_run(
+        (0.0, 2.2305, 3.2776),
+        "1 s",
+        object={"kind": "spring", "stiffness": "800 N/m", "damping": "30 N*s/m", "coupling": "bilinear"},
+        operator={**hand, "force": ["0 N", "0 N", "-1 N"]},
+        guard={"kind": guard},
+    ).verdict
+    assert verdict.state is expected

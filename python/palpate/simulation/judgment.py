@@ -232,6 +232,9 @@ def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None
     alone = State(int(decide(replace(e, linear=np.zeros(1, dtype=int)))[0]))
     if alone in FAILED:
         return f"the run alone is judged: {alone.label}; it ends with an oscillation by {swing}"
+    if bool(generates(e)[0]):
+        share = f"{100 * float(e.generated[0]):.3g} % of the energy that the operator supplied"
+        return f"it moves by {swing}, and its motors keep generating energy: {share} in the last fifth"
     return f"the run of {trace.time[-1]:.4g} s does not show the growth; it ends with an oscillation by {swing}"
 
 

@@ -89,8 +89,8 @@ def linear_radii_of(trace: Recorded, scenario: Scenario | None) -> tuple[LinearR
 def _guarded(trace: Recorded, scenario: Scenario) -> LinearRadii | None:
     """Return the least spectral radius of a loop that no guard stabilizes; None if one may.
 
-    A guard reduces the force of the object or adds damping to it. It does nothing for an arm that tips over along a
-    wall.
+    A guard adds damping to an object or takes some of its spring's force. An energy bound takes a damper's force as
+    well; other guards leave a damper that is unstable by itself. No guard holds an arm that tips over along a wall.
     """
     touched = "touching" not in trace or bool(trace["touching"].any())
     if scenario.contact_kind not in ("spring", "wall") or not touched:
@@ -100,8 +100,10 @@ def _guarded(trace: Recorded, scenario: Scenario) -> LinearRadii | None:
     except PalpateError:
         return None
     k, b = loop.stiffness, loop.damping
-    dampers = [b + share * float(k.max()) * loop.period * np.eye(len(k)) for share in DAMPED]
-    least = min(loop.spectral_radius(share * k, damper) for share in GUARDED for damper in dampers)
+    dampers = [share * float(k.max()) * loop.period * np.eye(len(k)) for share in DAMPED]
+    bounded = scenario.guard.kind == "energy_bound"
+    shares = [(share, share if bounded else 1.0) for share in GUARDED]
+    least = min(loop.spectral_radius(of_k * k, of_b * b + damper) for of_k, of_b in shares for damper in dampers)
     return LinearRadii(least, None) if least > 1.0 + SLOWEST else None
 
 

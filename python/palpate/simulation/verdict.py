@@ -360,7 +360,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
         ],
         State.UNDECIDED,
     )
-    quiet = np.isin(state, (State.SETTLED, State.UNDECIDED))
+    quiet = np.isin(state, (State.SETTLED, State.UNDECIDED)) & ~generates(e)
     bounded = (state == State.BOUNDED_OSCILLATION) & (e.lossy | (e.contacts >= 1))
     hidden = np.where(e.lossy & quiet, State.UNDECIDED, np.where(bounded, state, State.UNSTABLE))
     return np.asarray(np.where((e.linear < 0) & (state != State.DRIVE_LIMIT), hidden, state), dtype=np.int8)

@@ -31,8 +31,8 @@ def found(**changes: Any) -> Any:
 
 
 LINES = [
-    "A [slider]", "K = 50 N/m is stable", "nobody: up to 2000 N/m, with 1.5 N·s/m of damping",
-    "a hand: up to 30000 N/m, with 2.5 N·s/m of damping", "with the 0.5 N·s/m of the scenario: up to 123.5 N/m",
+    "A [slider]", "K = 50 N/m is stable", "nobody: up to 2 N/mm, with 1.5 N·s/m of damping",
+    "a hand: up to 30 N/mm, with 2.5 N·s/m of damping", "with the 0.5 N·s/m of the scenario: up to 123.5 N/m",
     "a band is unstable", "a fist: no wall of any size is stable", "passive in every hand: up to 20 N/m",
     "simulated boundary (1,234 runs): at most 1.2 % of the map off the exact curve",
 ]  # fmt: skip

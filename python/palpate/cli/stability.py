@@ -71,6 +71,7 @@ def zwidth(
     with progress("reading the scenario") as tell:
         from palpate.report import zwidth_page
         from palpate.stability import zwidth as map_of
+        from palpate.stability.maps.zwidth_map import written
 
         loaded = load_scenario(scenario, settings)
         found = map_of(loaded, simulated=simulate, progress=tell)
@@ -84,15 +85,15 @@ def zwidth(
     )
     for name, curve in found.curves.items():
         b, k = curve.stiffest
-        output.print(f"  {name}: up to {k:.5g} N/m, with {b:.4g} N·s/m of damping", markup=False, soft_wrap=True)
+        output.print(f"  {name}: up to {written(k)}, with {b:.4g} N·s/m of damping", markup=False, soft_wrap=True)
     if found.stiffest_here is not None:
-        output.print(f"  with the {found.here[0]:.4g} N·s/m of the scenario: up to {found.stiffest_here:.4g} N/m")
+        output.print(f"  with the {found.here[0]:.4g} N·s/m of the scenario: up to {written(found.stiffest_here)}")
     for remark in found.gap_remarks:
         output.print(f"  {remark}", style="yellow", markup=False, soft_wrap=True)
     for name in found.never:
         output.print(f"  {name}: no wall of any size is stable", markup=False)
     if found.passive is not None:
-        output.print(f"  passive in every hand: up to {found.passive[1].max():.5g} N/m", markup=False)
+        output.print(f"  passive in every hand: up to {written(found.passive[1].max())}", markup=False)
     else:
         output.print(f"  passive walls: none known; {found.not_passive}", markup=False, soft_wrap=True)
     if found.simulated is not None:

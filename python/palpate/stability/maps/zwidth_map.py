@@ -304,14 +304,14 @@ def _unstable_bands(
 ) -> tuple[tuple[float, float, float], ...]:
     """Return the bands (B, lower K, upper K) in which objects softer than the stiffest stable one are unstable.
 
-    They are searched at `damping`, up to `most_here`, and at the damping of the stiffest object, on 400 values of K. A
+    They are searched at `damping`, up to `most_here`, and at the damping of the stiffest object, on 500 values of K. A
     controller with resonances may stabilize two ranges of stiffness and none in between.
     """
     bands = []
     for b, most in dict([(damping, most_here), edge.stiffest]).items():
         if most is None:
             continue
-        k = np.unique(np.concatenate([np.geomspace(1e-4, 0.999, 200), np.linspace(5e-3, 0.995, 200)])) * most
+        k = np.unique(np.concatenate([np.geomspace(1e-7, 0.999, 300), np.linspace(5e-3, 0.995, 200)])) * most
         radius = loop_radii(loop, k, np.full(len(k), b))
         unstable = np.concatenate([[False], radius > 1 + TOLERANCE, [False]])
         ends = np.flatnonzero(np.diff(unstable.astype(int)))

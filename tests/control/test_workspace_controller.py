@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -330,3 +330,10 @@ def test_the_help_names_every_option_with_its_default() -> None:
         described = re.search(rf" {name}: .*?; ([\w.]+)\.(?= )", text)
         assert described, name
         assert described[1] == (str(shown) if isinstance(shown, bool) else f"{shown:g}"), name
+
+
+@pytest.mark.parametrize("period", [0.0, -1e-3, np.inf, np.nan])
+def test_a_servo_period_is_positive_and_finite(period: float) -> None:
+    controller = workspace(load("slider"), 1e-3)
+    with pytest.raises(DesignError, match="workspace: the servo period must be positive, not"):
+        replace(controller, period=period)

@@ -168,7 +168,7 @@ def with_controller(scenario: Scenario, controller: Any) -> Scenario:
     law = as_linear_controller(controller, scenario.period)
     system = law.system
     d = np.asarray(system.D, dtype=float)
-    gain = np.diag(d[:, :3])
+    gain = np.diag(d)
     if not system.nstates and np.array_equal(d, np.hstack([np.diag(gain), -np.diag(gain)])) and gain.min() >= 0.0:
         choice = ControllerChoice(kind="gain", gain=tuple(gain.tolist()))
     else:

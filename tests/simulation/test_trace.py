@@ -376,3 +376,25 @@ def test_a_step_response_is_of_two_lists_of_one_length(values: np.ndarray) -> No
     time = np.zeros((2, 2)) if values.shape == (2, 2) else np.arange(5.0)
     with pytest.raises(ValueError, match="time and values must be two lists of one length, not"):
         step_response(time, values)
+
+
+def test_the_ripple_of_a_response_is_half_the_range_of_its_last_twentieth() -> None:
+    """It and the mean of that part are those of the end alone; a settled response is within the band, its edge too."""
+    values = np.concatenate([np.linspace(0.0, 3.0, 380), np.tile([3.9, 4.1], 10)])
+    found = step_response(1e-3 * np.arange(400), values, band=0.5)
+    assert (found.ripple, found.steady) == (pytest.approx(0.1), pytest.approx(4.0))
+    assert found.settling_time == pytest.approx(1e-3 * np.argmax(values >= 2.0))
+    edge = np.array([0.0, 1.5, 0.5, 1.5, *[1.0] * 16])
+    assert step_response(np.arange(20.0), edge, band=0.5).settling_time == 1.0
+    assert step_response(np.arange(20.0), edge, band=0.499).settling_time == 4.0
+
+
+def test_a_response_is_two_lists_of_one_length_and_finite() -> None:
+    for time, values in ((np.zeros((2, 2)), np.zeros((2, 2))), (np.arange(3.0), np.arange(2.0))):
+        with pytest.raises(ValueError, match="time and values must be two lists of one length, not"):
+            step_response(time, values)
+    with pytest.raises(ValueError, match=r"a step response needs samples after the step at 1\.5 s"):
+        step_response(np.arange(3.0), np.arange(3.0), start=1.5)
+    for time, values in (([0.0, 1.0, 2.0], [0.0, np.nan, 1.0]), ([0.0, 1.0, np.inf], [0.0, 1.0, 1.0])):
+        with pytest.raises(ValueError, match="a step response needs finite values"):
+            step_response(time, values)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from palpate.scenario import Scenario
+from palpate.simulation.contact_law import ContactLaw
 from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.stability.mesh_contact import MeshContact, mesh_contact
-from palpate.stability.sticking import largest_disturbance
+from palpate.stability.sticking import _edges, largest_disturbance
 
 TABLES: dict[str, Any] = {
     "device": {"name": "phantom-premium-1.5a"},
@@ -100,3 +102,38 @@ def test_the_bound_counts_the_transient_of_the_run() -> None:
     site, trace = contact.sites[-1], contact.observed.trace
     early = replace(site, row=150)  # during the ramp of the force
     assert largest_disturbance(early, trace) < 0.8 * largest_disturbance(site, trace)
+
+
+@pytest.mark.parametrize("k_t", [500.0, 0.0])
+def test_the_distances_of_a_proxy_from_the_edges_of_its_face_follow_tip_and_force(k_t: float) -> None:
+    """The proxy is the tip less the tangential force over its spring; without one it is under the tip."""
+    rng = np.random.default_rng(0)
+    corners = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.01, 0.02, 0.0]])
+    c, d = 100.0 * rng.normal(size=(3, 2)), 100.0 * rng.normal(size=(3, 3))
+    law = ContactLaw(np.zeros((2, 2)), np.zeros((2, 3)), c, d)
+    out = rng.normal(size=(3, 4))
+    site: Any = SimpleNamespace(
+        face=corners, row=3, path=SimpleNamespace(C=out), loop=SimpleNamespace(directions=np.eye(3)),
+        point=SimpleNamespace(tangential=k_t, normal=np.array([0.0, 0.0, 1.0])), resting=SimpleNamespace(law=law),
+    )  # fmt: skip
+    weights = rng.dirichlet(np.ones(3), 8)
+    depth = rng.uniform(0.0, 1e-3, (8, 1))
+    trace: Any = {"triangle": np.array([9.0] * 3 + [7.0] * 5), "proxy": weights @ corners, "depth": depth}
+    rows, left = _edges(site, trace)  # type: ignore[misc]
+    states = rng.normal(size=6)  # four of the path, two of the law
+    tip = out @ states[:4]
+    force = law.C @ states[4:] + law.D @ tip
+    proxy = tip - (force / k_t if k_t else 0.0)
+    proxy[2] = 0.0
+    place = weights[3:] @ corners
+    for number, (start, end) in enumerate(((0, 1), (1, 2), (2, 0))):
+        along = (corners[end] - corners[start]) / np.linalg.norm(corners[end] - corners[start])
+        inward = np.array([-along[1], along[0], 0.0])
+        np.testing.assert_allclose(left[:, number], (place - corners[start]) @ inward, atol=1e-15)
+        assert rows[number] @ states == pytest.approx(inward @ proxy)
+    np.testing.assert_array_equal(left[:, 3], depth[3:, 0])
+    assert rows[3] @ states == pytest.approx(-tip[2])
+    trace["triangle"][-1] = 8.0
+    assert _edges(site, trace) is None
+    site.face, trace["triangle"][-1] = None, 7.0
+    assert _edges(site, trace) is None

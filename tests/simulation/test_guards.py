@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,10 +13,11 @@ import palpate
 import pytest
 from palpate import devices, metrics, stability
 from palpate.errors import PalpateError, ScenarioError, StabilityError
-from palpate.metrics.guard_comparison import _Axis, _ways
+from palpate.metrics.guard_comparison import _Axis, _row, _Way, _ways
 from palpate.scenario import Scenario
 from palpate.simulation import Trace, build_simulation, resolve, simulate
 from palpate.sweeps import sweep
+from scipy.linalg import expm
 
 CATALOG = Path(devices.__file__).parent
 VISCOUS, COULOMB = np.array([0.05, 0.001, 0.01]), np.array([5e-3, 2e-3, 3e-3])
@@ -355,3 +358,63 @@ def test_the_turning_point_of_a_slow_motion_is_no_rest() -> None:
     assert np.linalg.norm(long["tip"][-1] - short["tip"][-1]) > 0.2 * np.linalg.norm(short["tip"][-1])
     assert short.verdict.state.label == "undecided"
     assert short.verdict.reason.startswith("it rests in the last fifth alone, and moved by ")
+
+
+def test_a_press_on_a_bare_wall_shows_its_stiffness_at_rest_and_its_jump_in_closed_form() -> None:
+    """The mass moves between samples under a force that is held, by the exponential of its matrix."""
+    tip = metrics.TipAxis(mass=0.5, damping=30.0, coulomb=0.0, count=0.0)
+    loop = _Axis(tip, 1e-3, 0, 5.0)
+    bare = _Way("bare")
+    held = expm(1e-3 * np.array([[0.0, 1.0, 0.0], [0.0, -30.0 / 0.5, 1.0 / 0.5], [0.0, 0.0, 0.0]]))
+    for way, share in ((bare, 1.0), (_Way("coupled", coupling=1200.0), 0.75)):
+        found = loop.press(400.0, way, 0.1)
+        assert found.felt == pytest.approx(share, rel=1e-6)
+        assert found.swing < 1e-9
+        state, forces = np.array([0.0, 0.1]), []
+        for _ in range(300):
+            forces.append(share * 400.0 * state[0])
+            state = held[:2, :2] @ state + held[:2, 2] * (5.0 - forces[-1])
+        assert found.jump == pytest.approx(np.abs(np.diff(forces)).max(), rel=1e-5)
+    away = _Axis(tip, 1e-3, 0, 0.0).press(400.0, bare, -0.1)
+    assert (away.felt, away.jump) == (0.0, 0.0)  # it never meets the wall
+    delayed = _Axis(tip, 1e-3, 8, 5.0).press(1e4, bare, 0.1)
+    assert delayed.swing > 1e-3 or np.isinf(delayed.swing)
+    friction = _Axis(replace(tip, coulomb=1.0), 1e-3, 0, 5.0).press(400.0, bare, 0.0)
+    assert 1.0 - 1.0 / 5.0 - 1e-3 < 1.0 / friction.felt < 1.0 + 1.0 / 4.0
+    counted = _Axis(replace(tip, count=1e-3), 1e-3, 0, 5.0).press(400.0, bare, 0.1)
+    assert counted.felt == pytest.approx(1.0, abs=0.05)
+    assert counted.jump >= 0.4 - 1e-9  # a count
+
+
+@pytest.mark.parametrize(
+    ("count", "swings", "felts", "best"),
+    [
+        (0.0, [1e-6, 15e-6, 16e-6, 1e-6], [1.0, 0.9, 1.0, 1.0], 1),
+        (20e-6, [1e-6, 20e-6, 20.1e-6, 1e-6], [1.0, 0.9, 1.0, 1.0], 1),
+        (0.0, [1e-6, 1e-6, 1e-6, 2e-6], [1.0, 0.95, 0.92, 0.91], 3),
+        (0.0, [1e-6, 1e-6, 1e-6, 1e-6], [1.0, 0.899, 0.95, 0.95], 0),
+        (0.0, [np.inf, 1e-6, 1e-6, np.inf], [0.0, 1.0, 1.0, 0.0], -1),
+    ],
+)
+def test_a_way_reaches_up_to_the_first_wall_that_swings_or_is_not_felt(
+    count: float, swings: list[float], felts: list[float], best: int
+) -> None:
+    """Within 15 um or a count; the worst of the impacts decides on each wall."""
+    walls = [100.0, 200.0, 300.0, 400.0]
+
+    def press(stiffness: float, _way: _Way, impact: float) -> Any:
+        k = walls.index(stiffness)
+        worst = impact == 0.2
+        return SimpleNamespace(
+            swing=swings[k] if worst else 0.0, felt=felts[k] if impact == 0.1 else 1.5, jump=stiffness * impact
+        )
+
+    loop: Any = SimpleNamespace(press=press, axis=SimpleNamespace(count=count))
+    found = _row(loop, _Way("a way", "a guarantee"), walls, [0.1, 0.2, 0.3])
+    assert (found.name, found.guarantee, found.swing) == ("a way", "a guarantee", swings[-1])
+    if best < 0:
+        assert found.stiffness == 0.0
+        assert np.isnan([found.felt, found.jump]).all()
+    else:
+        assert (found.stiffness, found.felt) == (walls[best], felts[best])
+        assert found.jump == pytest.approx(0.3 * walls[best])

@@ -121,3 +121,16 @@ def test_a_caption_says_how_far_a_flat_surface_is_stretched(block: Body) -> None
     assert stretched(other) == ""
     frame(space, np.array([[0.0, 0.0, 0.0], [0.25, 10.0, 0.5]]), 0.3)
     assert stretched(other) == " For visibility, x is stretched 12 times and z is stretched 6 times."
+
+
+def test_pieces_do_not_depend_on_where_the_scale_begins() -> None:
+    """Values and the ends of their scale moved together have the same pieces and colors."""
+    corners = np.random.default_rng(0).normal(size=(4, 3, 3))
+    values = np.random.default_rng(1).uniform(0.0, 1.0, (4, 3))
+    drawn = []
+    for begin in (0.0, 0.75, -5.0):
+        solid = new_space()[1][0]
+        scale = ScalarMappable(Normalize(begin, begin + 1.0), colormaps["viridis"])
+        drawn.append(draw_colored(solid, corners, values + begin, scale))
+    counts = [len(one.get_facecolor()) for one in drawn]
+    assert counts[0] == counts[1] == counts[2] > 4 * 4

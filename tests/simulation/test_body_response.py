@@ -276,3 +276,41 @@ def test_a_tip_is_held_until_its_force_rests_or_stops_settling(changes: list[flo
 def test_a_tip_off_its_body_has_no_loop() -> None:
     with pytest.raises(StabilityError, match="the tip does not touch the body where the run has left it"):
         Settling([0.0], nodes=0)._settle(200)
+
+
+@pytest.mark.parametrize(
+    ("force", "flat", "outward"),
+    [([0.0, 3.0, -4.0], False, [0.0, 0.6, -0.8]), ([0.0, 3.0, -4.0], True, [0, 0, 1]), ([0.0] * 3, False, [0, 0, 1])],
+)
+def test_a_hyperelastic_body_is_brought_into_equilibrium_against_the_force_of_the_tip(
+    force: list[float], flat: bool, outward: list[float]
+) -> None:
+    """Along the force on the tip, or the axis of a flat end; a body that finds none has no loop."""
+    asked: list[Any] = []
+
+    class Pressed(HeldTip):
+        def __init__(self) -> None:
+            self._position, self.radius, self._flat, self.ticks = np.array([1.0, 2.0, 3.0]), 0.008, flat, 5
+
+        def _step(self, positions: np.ndarray) -> np.ndarray:
+            np.testing.assert_array_equal(positions, [[1.0, 2.0, 3.0]])
+            return np.array([[*force, *range(7)]])
+
+    class Core:
+        def __init__(self, found: float) -> None:
+            self.found = found
+
+        def settle(self, *given: Any) -> np.ndarray:
+            asked.append(given)
+            return np.array([[9.0, 9.0, self.found]])
+
+    tip = Pressed()
+    tip._equilibrate(Core(1.0))  # type: ignore[arg-type]
+    assert tip.ticks == 0
+    position, axis, radius, is_flat, updates = asked[0]
+    np.testing.assert_array_equal(position, [[1.0, 2.0, 3.0]])
+    np.testing.assert_allclose(axis, [outward])
+    assert (radius, is_flat, updates) == (0.008, flat, 200)
+    for none in (0.0, -1.0, np.nan):
+        with pytest.raises(StabilityError, match="the hyperelastic body finds no equilibrium under the tip held still"):
+            tip._equilibrate(Core(none))  # type: ignore[arg-type]

@@ -9,11 +9,13 @@ import h5py
 import numpy as np
 import pytest
 from palpate.errors import PalpateWarning
+from palpate.files.hdf5_input import read_seal
 from palpate.sweeps import SweepError, merge
 from palpate.sweeps.outcomes import QUANTITIES
 from palpate.sweeps.plan import Plan
 from palpate.sweeps.run import plan_of
 from palpate.sweeps.store import FileStore, MemoryStore, read
+from resealed import reseal
 
 SLIDER: dict[str, Any] = {
     "device": {"name": "slider"},
@@ -111,3 +113,19 @@ def test_shards_make_the_file_that_one_run_makes(tmp_path: Path) -> None:
     assert not (tmp_path / "none.h5").exists()
     with pytest.raises(SweepError, match="no files to put together"):
         merge([], tmp_path / "none.h5")
+
+
+def test_a_file_whose_seal_leaves_out_other_ranges_than_its_datasets_is_refused(tmp_path: Path) -> None:
+    of = plan()
+    path = filled(tmp_path / "a.h5", of, [0], outcomes(of))
+    later = read_seal(path, SweepError, "sweep").later
+    assert len(later) == len(QUANTITIES) + 1
+    for ranges, refused in ((later, False), (later[::-1], False), (later[1:], True), (later[:-1], True), ((), True)):
+        with h5py.File(path, "r+"):
+            pass  # without its seal
+        reseal(path, ranges)
+        if refused:
+            with pytest.raises(SweepError, match="its datasets have other sizes or places than those of its sweep"):
+                read(path)
+        else:
+            read(path)

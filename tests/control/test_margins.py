@@ -194,6 +194,18 @@ def test_a_narrow_range_of_unstable_gains_ends_the_interval() -> None:
     assert critical_gain(loop, 3.0) == pytest.approx(2.9, rel=1e-9)
 
 
+@pytest.mark.parametrize("half", [1e-2, 1e-3, 2e-4])
+@pytest.mark.parametrize("center", [3.0, 2.71828])
+def test_a_range_of_unstable_gains_narrower_than_a_step_ends_the_interval(half: float, center: float) -> None:
+    """Poles 0.2 +- sqrt((d^2 - half^2)/10 - 0.96), d = k - center: outside of the circle for |d| < half."""
+    m = np.sqrt(0.1) * np.diag([1.0, -1.0])
+    turn = np.sqrt(0.96 + 0.1 * half**2)
+    loop = control.StateSpace(np.array([[0.2, -turn], [turn, 0.2]]) + center * m, np.eye(2), m, np.zeros((2, 2)), T)
+    assert gain_interval(loop, 1.0)[1] == pytest.approx(center - half, rel=1e-6)
+    assert gain_interval(loop, 4.0)[0] == pytest.approx(center + half, rel=1e-6)
+    assert critical_gain(loop, 3.5) == pytest.approx(center - half, rel=1e-6)
+
+
 def test_critical_gain_of_an_unstable_loop() -> None:
     """5/(z-1) is unstable; from small gains up it leaves the circle at 2/5."""
     assert critical_gain(integrator(5.0)) == pytest.approx(0.4, rel=1e-9)

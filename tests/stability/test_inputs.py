@@ -49,7 +49,14 @@ def test_neglected_effects_are_named() -> None:
         operator=hand,
     )
     words = said(tables)
-    for part in ("every tick on time", "1 sample of delay", "dry friction", "µm at the tip", "drive's limits"):
+    for part in (
+        "every tick on time",
+        "1 sample of delay",
+        "dry friction",
+        "limit cycle (hunting)",
+        "µm at the tip",
+        "drive's limits",
+    ):
         assert part in words, part
     assert "560 N/m that grips rigidly" in words
     plain = said(slider())

@@ -105,7 +105,7 @@ class LinearDevice:
         """Return ``device`` linearized at rest in ``pose``, moved along a direction in the base frame.
 
         A constant tip force holds it against gravity; its torque turns with the pose, and is counted as stiffness.
-        Dry friction, which only dissipates energy, and coordinates that ``along`` does not excite are neglected.
+        Dry friction and coordinates that ``along`` does not excite are neglected.
 
         Args:
             device: a device, or its name in the catalog or the path of its file.

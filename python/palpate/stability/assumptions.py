@@ -82,7 +82,9 @@ def _operator(s: Scenario) -> str:
 def _neglected(s: Scenario, device: Device) -> list[str]:
     effects = []
     if np.any(device.coulomb > 0):
-        effects.append("dry friction, which only dissipates energy")
+        effects.append(
+            "dry friction, which dissipates energy but with integral action can sustain a limit cycle (hunting)"
+        )
     if s.device.encoder:
         count = float((np.abs(device.jacobian(start_pose(s))).max(axis=0) * device.encoder_step).max())
         effects.append(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from palpate import _core
@@ -266,3 +268,47 @@ def test_a_scenario_takes_the_kind_and_the_contact() -> None:
     assert choice.contact == "signed_distance"
     with pytest.raises(PalpateError, match="contact has no meaning for mass_spring"):
         choice_of('kind = "mass_spring"\ncontact = "signed_distance"')
+
+
+def test_tips_are_given_to_the_core_as_unit_axes_and_lengths(body: Body, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sphere has an axis too, and the length 0."""
+    asked: list[Any] = []
+    rows = np.random.default_rng(0).uniform(1.0, 2.0, (4, 2, 15))
+    rows[1, 0, 9], rows[2, 1, 9] = 0.0, 0.0  # not solved
+    rows[:, :, 14] = 0.0
+
+    class Core:
+        def simulate_tips(self, *given: Any) -> np.ndarray:
+            asked.append(given)
+            return rows.copy()
+
+    monkeypatch.setattr(body, "_signed_distance_core", lambda count: asked.append(count) or Core())
+    paths = np.random.default_rng(1).normal(size=(4, 2, 3))
+    with pytest.warns(BodyWarning, match="the forces of 2 of 8 steps are not converged to 2 %"):
+        found = body.simulate_tips(paths, [5e-3, "2 mm"], segments=[[0.0, "3 mm", "4 mm"], ["0 mm"] * 3])
+    count, (centers, axes, radii, along, velocity) = asked
+    assert count == 2
+    np.testing.assert_array_equal(centers, paths)
+    np.testing.assert_allclose(axes, [[0.0, 0.6, 0.8], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(radii, [5e-3, 2e-3])
+    np.testing.assert_allclose(along, [5e-3, 0.0])
+    np.testing.assert_array_equal(velocity, np.zeros(2))
+    for tip in range(2):
+        np.testing.assert_array_equal(found[tip].force, rows[:, tip, :3])
+
+
+def test_a_tip_that_is_none_is_refused(body: Body) -> None:
+    path = np.zeros((4, 1, 3))
+    for wrong in (np.zeros((4, 3)), np.zeros((4, 1, 2)), np.zeros((4, 0, 3))):
+        with pytest.raises(PoseError, match=r"paths are \(m, tips, 3\) numbers in m of 1 to 8 tips; these have shape"):
+            body.simulate_tips(wrong, [5e-3])
+    with pytest.raises(PoseError, match=r"1 paths need 1 radii and segments, not 2 and \(1, 3\)"):
+        body.simulate_tips(path, [5e-3, 5e-3])
+    with pytest.raises(PoseError, match=r"1 paths need 1 radii and segments, not 1 and \(2, 3\)"):
+        body.simulate_tips(path, [5e-3], segments=np.zeros((2, 3)))
+    with pytest.raises(PoseError, match="paths"):
+        body.simulate_tips(path * np.nan, [5e-3])
+    with pytest.raises(PoseError, match="segments"):
+        body.simulate_tips(path, [5e-3], segments=[[0.0, np.inf, 0.0]])
+    with pytest.raises(BodyError, match="radii"):
+        body.simulate_tips(path, [0.0])

@@ -151,6 +151,8 @@ def test_the_drift_is_that_of_the_command_between_the_halves_over_the_largest_fo
     assert _drift(run, slice(100, 200)) == pytest.approx(0.1)
     assert _drift(run, slice(100, 101)) == 0.0
     assert _drift(run, slice(150, 200)) == 0.0
+    assert _drift(run, slice(149, 151)) == pytest.approx(0.1)  # two samples have two halves
+    assert _drift(run, slice(148, 152)) == pytest.approx(0.1)
 
 
 def test_a_tip_is_apart_while_it_is_off_and_pressed() -> None:

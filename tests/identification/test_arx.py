@@ -241,3 +241,20 @@ def test_regressors_without_excitation_are_named():
             arx_models._instrumental(columns, target, z)
     with pytest.raises(RecordingError, match="the instruments do not distinguish the coefficients"):
         arx_models._instrumental(x, target, np.column_stack([x[:, 0], x[:, 0], x[:, 1]]))
+
+
+def test_a_residual_test_needs_four_samples_a_lag_of_one_signal_that_moves():
+    rng = np.random.default_rng(0)
+    signal = rng.normal(size=100)
+    x = signal - signal.mean()
+    expected = [x[k:] @ x[: len(x) - k] / (x @ x) for k in range(1, 26)]
+    np.testing.assert_allclose(whiteness(signal, 25).correlation, expected, atol=1e-12)
+    for wrong, lags in ((signal[:99], 25), (signal[:, None], 25), (signal, 0), (signal, -1)):
+        said = f"a residual test over {lags} lags needs at least {4 * lags} samples of one signal"
+        for call in (lambda x=wrong, k=lags: whiteness(x, k), lambda x=wrong, k=lags: independence(x, signal, k)):
+            with pytest.raises(RecordingError, match=said):
+                call()
+    with pytest.raises(RecordingError, match="the signal of a residual test is constant"):
+        whiteness(np.full(100, 3.0), 25)
+    with pytest.raises(RecordingError, match="residual and input must be equally long; they have 100 and 120 samples"):
+        independence(signal, rng.normal(size=120), 25)

@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 from palpate.simulation.evidence import (
     _apart,
+    _arm_stiffness,
+    _creep,
     _drift,
     _pressed,
+    _tool_error,
     evidence,
+    interruption,
     pushed_through,
     second_differences,
     swing,
@@ -21,7 +25,7 @@ from palpate.simulation.judgment import _hidden, _lost, _oscillation, _undecided
 from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
 from palpate.simulation.trace import Trace
-from palpate.simulation.verdict import Evidence, State, decide, growth
+from palpate.simulation.verdict import FLOOR, Evidence, State, decide, growth
 from palpate.simulation.windows import Window, windows
 
 PERIOD = 1e-3
@@ -509,3 +513,64 @@ def test_a_force_presses_on_a_plane_by_its_normal_and_on_a_mesh_by_the_last_cont
         assert pressed([0.0, -1.0, 0.0])
         assert not pressed([0.0, 1.0, 0.0])
         assert not pressed([-1.0, 0.0, 0.0])
+
+
+def test_the_slack_of_a_hand_through_tissue_is_that_of_both_springs_in_series() -> None:
+    def arm(**changes: Any) -> float:
+        values = {"kind": "arm", "stiffness": 300.0, "tissue_stiffness": None, **changes}
+        topology = values.pop("topology", "impedance_display")
+        return _arm_stiffness(
+            SimpleNamespace(operator=SimpleNamespace(**values), servo=SimpleNamespace(topology=topology))  # type: ignore[arg-type]
+        )
+
+    assert arm() == 300.0
+    assert arm(tissue_stiffness=600.0) == pytest.approx(200.0)
+    assert [arm(kind="force"), arm(stiffness=None), arm(stiffness=0.0), arm(topology="force_tracking")] == [0.0] * 4
+
+
+@pytest.mark.parametrize("arm", [0.0, 150.0])
+def test_a_creeping_body_lets_the_tip_go_on_as_the_standard_linear_solid_says(arm: float) -> None:
+    """A force F on springs k + K(t): deflection F/(k + K), with K from r at once to 1 after long times."""
+    n, ratio, tau, soft = 501, 3.0, 0.4, 200.0
+    operator = SimpleNamespace(kind="arm" if arm else "force", stiffness=arm, tissue_stiffness=None)
+
+    def left(begin: int, options: dict[str, float], window: int = 0) -> float:
+        touching = np.arange(n) >= begin
+        since = PERIOD * (n - 1 - max(begin, window))
+        now = soft / (1.0 - (1.0 - 1.0 / ratio) * np.exp(-since / tau))
+        deep = 1.0 / (arm + now)
+        run = trace(np.zeros((n, 3)), object_force=along_x(np.full(n, now * deep)))
+        body = SimpleNamespace(object=SimpleNamespace(body=SimpleNamespace(options=options)))
+        scenario: Any = SimpleNamespace(
+            each_object={"a": body, "b": SimpleNamespace(object=SimpleNamespace(body=None))}, operator=operator,
+            servo=SimpleNamespace(topology="impedance_display"),
+        )  # fmt: skip
+        found = _creep(run, scenario, Window(window, n - 1), along_x(np.full(n, deep)), touching)
+        return found - (1.0 / (arm + soft) - deep)
+
+    creeps = {"instantaneous_ratio": ratio, "retardation_time": tau}
+    for begin, window in ((0, 0), (200, 0), (50, 100), (490, 0)):
+        assert left(begin, creeps, window) == pytest.approx(0.0, abs=1e-12)
+    assert left(0, {}) < -1e-5  # a body that does not creep has nothing left
+
+
+def test_an_interruption_is_the_time_off_the_object_after_the_impact() -> None:
+    wall: Any = SimpleNamespace(each_object={"": SimpleNamespace(object=SimpleNamespace(kind="wall"))})
+    spring: Any = SimpleNamespace(each_object={"": SimpleNamespace(object=SimpleNamespace(kind="spring"))})
+    touching = np.ones(100)
+    touching[:10] = touching[40:47] = 0.0
+    run = trace(np.zeros((100, 3)), touching=touching)
+    assert interruption(run, wall) == pytest.approx(7e-3)
+    assert [interruption(run, spring), interruption(run, None)] == [0.0, 0.0]
+    touching[-1] = 0.0
+    assert interruption(trace(np.zeros((100, 3)), touching=touching), wall) == 0.0
+    assert interruption(trace(np.zeros((3, 3)), touching=np.array([1.0, 0.0, 1.0])), wall) == pytest.approx(1e-3)
+
+
+def test_a_tip_off_its_tool_by_more_than_the_counts_has_an_error() -> None:
+    tool, tip = np.zeros((10, 3)), np.zeros((10, 3))
+    tool[-1], tip[-1] = [3e-3, 0.0, 0.0], [0.0, 4e-3, 0.0]
+    run = trace(tip, tool=tool)
+    deep = along_x(np.r_[np.full(8, 9.0), 0.1, 0.3])
+    for counts, expected in ((0.0, (5e-3 - FLOOR) / 0.2), (2e-3, 3e-3 / 0.2), (6e-3, 0.0)):
+        assert _tool_error(run, slice(8, 10), deep, counts) == pytest.approx(expected)

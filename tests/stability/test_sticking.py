@@ -12,7 +12,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.contact_law import ContactLaw
 from palpate.simulation.simulator import Simulation, build_simulation
 from palpate.stability.mesh_contact import MeshContact, mesh_contact
-from palpate.stability.sticking import _edges, largest_disturbance
+from palpate.stability.sticking import _edges, _peak_gain, largest_disturbance
 
 TABLES: dict[str, Any] = {
     "device": {"name": "phantom-premium-1.5a"},
@@ -137,3 +137,25 @@ def test_the_distances_of_a_proxy_from_the_edges_of_its_face_follow_tip_and_forc
     assert _edges(site, trace) is None
     site.face, trace["triangle"][-1] = None, 7.0
     assert _edges(site, trace) is None
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.5, -0.9, 0.999, 0.99999, -0.99999])
+def test_the_peak_gain_of_one_state_is_the_sum_of_its_powers(pole: float) -> None:
+    """|c b| / (1 - |a|): the tail of one state is that of its Lyapunov matrix exactly."""
+    found = _peak_gain(np.array([[pole]]), np.array([[3.0, 4.0]]), np.array([[2.0], [-0.5]]))
+    np.testing.assert_allclose(found, np.array([10.0, 2.5]) / (1.0 - abs(pole)), rtol=1e-6)
+
+
+def test_a_peak_gain_is_no_less_than_the_sum_of_powers_of_several_states() -> None:
+    rng = np.random.default_rng(0)
+    for radius in (0.9, 0.998):
+        a = rng.normal(size=(4, 4))
+        a *= radius / np.abs(np.linalg.eigvals(a)).max()
+        b, c = rng.normal(size=(4, 2)), rng.normal(size=(3, 4))
+        exact, state = np.zeros(3), b
+        for _ in range(8_000):
+            exact += np.linalg.norm(c @ state, axis=1)
+            state = a @ state
+        found = _peak_gain(a, b, c)
+        assert (found >= exact * (1.0 - 1e-9)).all()
+        assert (found <= 1.3 * exact).all()

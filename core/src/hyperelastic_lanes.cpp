@@ -88,6 +88,8 @@ class SolverOf final : public AnyQuasiStaticSolver {
   void displacement(double* to) const override { solver_.displacement(to); }
   [[nodiscard]] double energy() override { return solver_.energy(); }
   void reset() override { solver_.reset(); }
+  void set_clock(std::int64_t tick) override { solver_.set_clock(tick); }
+  void set_static(bool is_static) override { solver_.set_static(is_static); }
   [[nodiscard]] std::unique_ptr<AnyQuasiStaticSolver> clone_at_rest() const override {
     auto same = std::make_unique<SolverOf>(*this);
     same->reset();

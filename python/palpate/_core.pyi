@@ -277,7 +277,7 @@ class DeformationFrames:
         """
 
 class HyperelasticBody(DeformableBody):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, node_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], nodes_per_tip: int, update_interval: int, tangential_ratio: float = 1.0, common_compliance: float = 0.0, static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, node_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], nodes_per_tip: int, update_interval: int, tangential_ratio: float = 1.0, common_compliance: float = 0.0, static_friction: float = 0.0, dynamic_friction: float = 0.0, density: float = 0.0, rayleigh_alpha: float = 0.0, rayleigh_beta: float = 0.0, period: float = 0.001) -> None: ...
 
     def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
@@ -297,6 +297,11 @@ class HyperelasticBody(DeformableBody):
     def displacement(self) -> NDArray[numpy.float64]:
         """
         Return the displacements of all points at the last model update (p, 3), m.
+        """
+
+    def energy(self) -> float:
+        """
+        Return the energy of the body and its layer at the last model update, kinetic energy included, J.
         """
 
     def reset(self) -> None: ...

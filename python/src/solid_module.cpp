@@ -81,8 +81,10 @@ HyperelasticLaw law_of(bool corotational) {
 }
 
 std::unique_ptr<AnyQuasiStaticSolver> solver_of(const palpate::deformable::TetMesh& mesh, bool corotational,
-                                                const palpate::deformable::TetSurface& surface, int nodes_per_tip) {
+                                                const palpate::deformable::TetSurface& surface, int nodes_per_tip,
+                                                const palpate::deformable::Inertia& inertia = {}) {
   palpate::deformable::SolverOptions options;
+  options.inertia = inertia;
   options.nodes_per_tip = nodes_per_tip;
   return palpate::deformable::make_quasi_static_solver(law_of(corotational), mesh, surface, options);
 }
@@ -306,10 +308,13 @@ void bind_hyperelastic(nb::module_& m) {
           "__init__",
           [](HyperelasticCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
              const Flags& fixed, bool corotational, const Integers& point, const Triangles& triangles, int nodes_per_tip,
-             int update_interval, double tangential_ratio, double common_compliance, double mu_static, double mu_dynamic) {
+             int update_interval, double tangential_ratio, double common_compliance, double mu_static, double mu_dynamic, double density,
+             double rayleigh_alpha, double rayleigh_beta, double period) {
             if (update_interval < 1) throw nb::value_error("update_interval must be 1 or more");
+            if (!(density >= 0.0 && rayleigh_alpha >= 0.0 && rayleigh_beta >= 0.0 && period > 0.0))
+              throw nb::value_error("density and damping must not be negative, and the period must be positive");
             auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational, surface_of(points.shape(0), point, triangles),
-                                   nodes_per_tip);
+                                   nodes_per_tip, {density, rayleigh_alpha, rayleigh_beta, period, update_interval});
             new (self) HyperelasticCore(points.shape(0), std::move(solid), update_interval,
                                         mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, tangential_ratio,
                                                                                               common_compliance, point.shape(0))
@@ -317,7 +322,7 @@ void bind_hyperelastic(nb::module_& m) {
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "triangles"_a, "nodes_per_tip"_a,
           "update_interval"_a, "tangential_ratio"_a = 1.0, "common_compliance"_a = 0.0, "static_friction"_a = 0.0,
-          "dynamic_friction"_a = 0.0)
+          "dynamic_friction"_a = 0.0, "density"_a = 0.0, "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0, "period"_a = 1e-3)
       .def(
           "simulate_path",
           [](HyperelasticCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
@@ -367,6 +372,9 @@ void bind_hyperelastic(nb::module_& m) {
             return out;
           },
           "Return the displacements of all points at the last model update (p, 3), m.")
+      .def(
+          "energy", [](HyperelasticCore& self) { return self.body.energy(); },
+          "Return the energy of the body and its layer at the last model update, kinetic energy included, J.")
       .def("reset", [](HyperelasticCore& self) {
         self.body.reset();
         self.initialized = false;

@@ -86,6 +86,9 @@ class HyperelasticObject final : public DeformableObject {
 
   [[nodiscard]] const deformable::MultirateCoupling<Solver>& coupling() const noexcept { return coupling_; }
 
+  /// Energy of the body and its layer after the last model update, kinetic energy included, J.
+  [[nodiscard]] double energy() { return coupling_.solver().energy(); }
+
   /// Bring the body to equilibrium under a fixed tip in at most `max_steps` model updates and step there. Return false if not reached.
   bool settle(const deformable::Tip& tip, int max_steps) {
     tips_.tip[0] = tip;

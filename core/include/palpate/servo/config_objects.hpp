@@ -178,6 +178,13 @@ template <class Model>
   deformable::SolverOptions options;
   options.nodes_per_tip = static_cast<int>(from.integer("nodes_per_tip", 4, 64));
   const auto interval = static_cast<int>(from.integer("update_interval", 1, 1'000'000));
+  if (from.has("density")) {
+    options.inertia.density = from.positive("density");
+    options.inertia.rayleigh_alpha = from.number("rayleigh_alpha", 0.0, 1e9);
+    options.inertia.rayleigh_beta = from.number("rayleigh_beta", 0.0, 1e9);
+    options.inertia.tick_period = from.number("period", 1e-9, 1e3);
+    options.inertia.update_interval = interval;
+  }
   const double ratio = from.number("tangential_ratio", 0.0, 1e9), common = from.number("common_compliance", 0.0, 1e9);
   const deformable::TetMesh mesh = read_tetrahedra(reader, from);
   const deformable::TetSurface surface = read_tet_surface(reader, from, mesh.points.size());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "palpate/deformable/contact/surface_nodes.hpp"
@@ -55,6 +56,9 @@ class AnyQuasiStaticSolver {
   virtual void displacement(double* to) const = 0;
   [[nodiscard]] virtual double energy() = 0;
   virtual void reset() = 0;
+  /// For bodies with inertia, see MultirateCoupling.
+  virtual void set_clock(std::int64_t tick) = 0;
+  virtual void set_static(bool is_static) = 0;
   /// Return a copy at rest with its own state.
   [[nodiscard]] virtual std::unique_ptr<AnyQuasiStaticSolver> clone_at_rest() const = 0;
 };

@@ -98,6 +98,16 @@ class HyperelasticModel {
   [[nodiscard]] double energy() const noexcept { return energy_; }                    ///< J
   [[nodiscard]] const BlockMatrix& tangent() const noexcept { return tangent_; }      ///< derivative of the internal forces, N/m
   [[nodiscard]] TwoLevelPreconditioner& preconditioner() noexcept { return preconditioner_; }
+  [[nodiscard]] double nodal_volume(std::size_t node) const noexcept { return nodal_volume_[node]; }  ///< m^3
+
+  /// Add a mass to the tangent, until the next evaluation.
+  template <class External>
+  void add_mass(const External& external) {
+    external.add_mass(tangent_);
+    preconditioner_.update(tangent_);
+    if (is_coarse_old_) preconditioner_.update_coarse(tangent_);
+    is_coarse_old_ = false;
+  }
 
   /// Select the exact tangent, or one whose geometric stiffness is reduced per tetrahedron until it is positive semidefinite. Equilibria
   /// are not affected.
@@ -112,6 +122,7 @@ class HyperelasticModel {
     set_displacement(std::vector<double>(displacement_.size(), 0.0).data());
     preconditioner_.update_coarse(tangent_);
     baseline_steps_ = 0;
+    is_coarse_old_ = true;
   }
 
   /// Set the displacement [m] of all nodes, including fixed ones, and evaluate energy, gradient and tangent.
@@ -132,6 +143,7 @@ class HyperelasticModel {
   ///   const double* reference()                      forces that `tolerance` refers to; null: the right side minus the internal forces
   ///   void add_stiffness(BlockMatrix&)               positive semidefinite stiffness of the linear system
   ///   double energy(const double* displacement)      potential, J
+  ///   void add_mass(BlockMatrix&)                    optional: mass of the linear system
   template <class External>
   Step step(const External& external, float tolerance, int max_steps, const float* guess = nullptr, int max_halvings = 12) {
     Step result;
@@ -142,8 +154,16 @@ class HyperelasticModel {
     }
     result.residual = std::sqrt(square);
     if (!(square > 0.0)) return result;
+    constexpr bool has_mass = requires(BlockMatrix& matrix) { external.add_mass(matrix); };
+    if constexpr (has_mass) {
+      external.add_mass(tangent_);
+      preconditioner_.update(tangent_);
+    }
     if (baseline_steps_ > 0 && last_steps_ > 10 + baseline_steps_ + baseline_steps_ / 2) {
-      preconditioner_.update_coarse(tangent_);
+      if constexpr (has_mass)
+        is_coarse_old_ = true;
+      else
+        preconditioner_.update_coarse(tangent_);
       baseline_steps_ = 0;
     }
     external.add_stiffness(tangent_);
@@ -151,6 +171,7 @@ class HyperelasticModel {
       result.indefinite = true;
       evaluate(displacement_.data(), gradient_.data(), false);
       external.add_stiffness(tangent_);
+      if constexpr (has_mass) external.add_mass(tangent_);
       preconditioner_.update(tangent_);
       compute_direction(external.right_side(), external.reference(), tolerance, max_steps, nullptr, result);
     } else {
@@ -398,7 +419,8 @@ class HyperelasticModel {
     }
   }
 
-  bool exact_tangent_ = true;  // false: made positive semidefinite
+  bool exact_tangent_ = true;   // false: made positive semidefinite
+  bool is_coarse_old_ = false;  // whether add_mass() updates the coarse matrix of the preconditioner
   std::int32_t free_count_ = 0;
   std::vector<std::int32_t> point_of_;  // mesh point of each node, free nodes first
   std::vector<Group> groups_;

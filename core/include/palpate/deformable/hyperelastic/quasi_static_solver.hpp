@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/deformable/hyperelastic/body_dynamics.hpp"
 #include "palpate/deformable/hyperelastic/compliance_column_cache.hpp"
 #include "palpate/deformable/hyperelastic/compliance_extrapolation.hpp"
 #include "palpate/deformable/hyperelastic/hyperelastic_model.hpp"
@@ -29,6 +30,10 @@ namespace palpate::deformable {
 /// compliance is unbounded. When the energy recoverable by the linear model exceeds twice the stored energy, which the energy tank could
 /// not supply (PassiveModelSwitch), the tangent is made positive semidefinite until the stored energy falls below 0.7 of its value then.
 /// Nodes farther out, which a fast tip may reach before the next model arrives, have no columns (see ComplianceExtrapolation).
+///
+/// With inertia (SolverOptions::inertia) each step advances the motion (BodyDynamics) to the time of its tips, which set_clock() tells. The
+/// servo uses the next local model one to two update intervals later: the body is linearized about its state then, under the present tips,
+/// with the compliance that inertia leaves it by then.
 ///
 /// A state with inverted tetrahedra has no meaning, and its tangent may have any compliance. The last local model stays until they have
 /// turned back.
@@ -62,39 +67,54 @@ class QuasiStaticSolver {
     tips_contact_ = SurfaceContact(points_, layered_, node_of_, model_.free_nodes());
     next_.compliance_matrix.assign(static_cast<std::size_t>(LocalModel::capacity) * LocalModel::capacity, 0.0);
     current_ = next_;
+    if (options.inertia.density > 0.0) {
+      std::vector<double> mass;
+      for (std::size_t i = 0; i < at(model_.free_nodes()); ++i) mass.push_back(options.inertia.density * model_.nodal_volume(i));
+      dynamics_ = BodyDynamics(options.inertia, std::move(mass), model_.nodes());
+      dynamic_force_.resize(model_.unknowns());
+    }
   }
 
   [[nodiscard]] const HyperelasticModel<Material, lanes>& model() const noexcept { return model_; }
   /// Displacement of all mesh points [m], 3 x point + axis.
   void displacement(double* to) const noexcept {
     for (std::size_t point = 0; point < node_of_.size(); ++point)
-      std::copy_n(model_.displacement() + 3 * static_cast<std::size_t>(node_of_[point]), 3, to + 3 * point);
+      std::copy_n((dynamics_.enabled() ? dynamics_.displacement().data() : model_.displacement()) + 3 * at(node_of_[point]), 3,
+                  to + 3 * point);
   }
   [[nodiscard]] const LocalModel& local_model() const noexcept { return current_; }
-  /// Energy of the body and its layer after the last step, J.
-  [[nodiscard]] double energy() const noexcept { return model_.energy() + tips_contact_.energy(model_.displacement()); }
+  /// Energy of the body and its layer after the last step, kinetic energy included, J.
+  [[nodiscard]] double energy() const noexcept {
+    return dynamics_.enabled() ? state_energy_ : model_.energy() + tips_contact_.energy(model_.displacement());
+  }
+
+  /// Set the servo tick of the tips of the next step. With inertia the motion advances by the ticks since the last one.
+  void set_clock(std::int64_t tick) noexcept { clock_ = tick; }
+  /// Step towards equilibrium without inertia while `is_static`; the body is at rest afterwards.
+  void set_static(bool is_static) noexcept { is_static_ = is_static; }
 
   /// Take one step with the tips at their present positions. Write the next local model to `to`.
   Report step(const TipPair& tips, LocalModel& to) {
     Report report;
     tips_contact_.set_tips(tips);
-    tips_contact_.update_normals(model_.displacement());
-    predict(tips);
-    tips_contact_.linearize(model_.displacement());
-    report.relative_residual = relative_residual();
-    if (report.relative_residual > 1e-6) {
-      report.newton = model_.step(tips_contact_, options_.newton_tolerance, options_.max_newton_steps, guess_.data(), 3);
-      if (report.newton.step_length == 0.0) {
-        std::fill(tips_contact_.ahead().begin(), tips_contact_.ahead().end(), 0.0);
-        tips_contact_.linearize(model_.displacement());
-        report.newton = model_.step(tips_contact_, options_.newton_tolerance, options_.max_newton_steps);
-      }
-    }
+    if (is_dynamic())
+      advance(tips, report);
+    else
+      approach_equilibrium(tips, report);
+    advanced_to_ = clock_;
+    advanced_tips_ = tips;
     std::fill(tips_contact_.ahead().begin(), tips_contact_.ahead().end(), 0.0);
     tips_contact_.update_normals(model_.displacement());
     tips_contact_.linearize(model_.displacement());
+    if (dynamics_.enabled() && is_static_) {
+      dynamics_.rest_at(model_.displacement(), model_.gradient());
+      state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement());
+    }
+    next_.has_inertia = dynamics_.enabled();
+    next_.returnable = state_energy_;
     if (has_inverted()) {
       current_.inverted = true;
+      current_.returnable = next_.returnable;
       ++current_.version;
       to = current_;
       return report;
@@ -102,12 +122,16 @@ class QuasiStaticSolver {
     select_column_nodes(tips);
     place_nodes(tips);
     if (!exact_tangent_ && model_.energy() < 0.7 * indefinite_energy_) set_exact_tangent(true);
+    add_mass();
     report.compliance = columns_.refine(model_.tangent(), model_.preconditioner(), unit_forces_, column_index_, options_.compliance);
     linearize();
-    if (exact_tangent_ && relative_residual() < max_unbalanced &&
-        (report.newton.indefinite || report.compliance.indefinite || recoverable_energy() > 2.0 * model_.energy())) {
+    const bool indefinite = report.newton.indefinite || report.compliance.indefinite;
+    if (exact_tangent_ &&
+        (is_dynamic() ? indefinite
+                      : relative_residual() < max_unbalanced && (indefinite || recoverable_energy() > 2.0 * model_.energy()))) {
       indefinite_energy_ = model_.energy();
       set_exact_tangent(false);
+      add_mass();
       columns_.refine(model_.tangent(), model_.preconditioner(), unit_forces_, column_index_, options_.compliance);
       linearize();
     }
@@ -126,10 +150,21 @@ class QuasiStaticSolver {
     current_ = LocalModel{};
     current_.version = version;
     current_.compliance_matrix.assign(next_.compliance_matrix.size(), 0.0);
+    if (!dynamics_.enabled()) return;
+    dynamics_.rest_at(model_.displacement(), model_.gradient());
+    look_ahead_ = {};
+    state_energy_ = 0.0;
+    advanced_to_ = no_tick;
+    clock_ = no_tick;
+    is_static_ = false;
   }
 
  private:
-  static constexpr double max_unbalanced = 0.05;   // relative residual above which a state does not show an indefinite tangent
+  static constexpr double max_unbalanced = 0.05;        // relative residual above which a state does not show an indefinite tangent
+  static constexpr double dynamic_tolerance = 1e-6;     // of a minimum of BodyDynamics: residual over the forces
+  static constexpr double look_ahead_tolerance = 1e-3;  // same, of the look-ahead
+  static constexpr int max_dynamic_steps = 8;           // Newton steps to such a minimum
+  static constexpr std::int64_t no_tick = INT64_MIN;
   static constexpr double prediction_steps = 3.0;  // steps of tip motion ahead that the outer nodes cover
 
   [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
@@ -158,6 +193,84 @@ class QuasiStaticSolver {
     double sum = 0.0;
     for (std::size_t i = 0; i < model_nodes_.size(); ++i) sum += 0.5 * next_.force[i] * next_.elastic_displacement[i];
     return sum;
+  }
+
+  [[nodiscard]] bool is_dynamic() const noexcept { return dynamics_.enabled() && !is_static_; }
+
+  /// Take a Newton step towards equilibrium.
+  void approach_equilibrium(const TipPair& tips, Report& report) {
+    if (dynamics_.enabled()) model_.set_displacement(dynamics_.displacement().data());
+    tips_contact_.update_normals(model_.displacement());
+    predict(tips);
+    tips_contact_.linearize(model_.displacement());
+    report.relative_residual = relative_residual();
+    if (report.relative_residual <= 1e-6) return;
+    report.newton = model_.step(tips_contact_, options_.newton_tolerance, options_.max_newton_steps, guess_.data(), 3);
+    if (report.newton.step_length > 0.0) return;
+    std::fill(tips_contact_.ahead().begin(), tips_contact_.ahead().end(), 0.0);
+    tips_contact_.linearize(model_.displacement());
+    report.newton = model_.step(tips_contact_, options_.newton_tolerance, options_.max_newton_steps);
+  }
+
+  /// Advance the motion to the clock, and look ahead.
+  void advance(const TipPair& tips, Report& report) {
+    const Inertia& inertia = dynamics_.inertia();
+    const double h =
+        advanced_to_ == no_tick || clock_ <= advanced_to_ ? 0.0 : static_cast<double>(clock_ - advanced_to_) * inertia.tick_period;
+    for (int stage = 0; stage < 2 && h > 0.0; ++stage) {
+      tips_contact_.set_tips(stage == 0 ? between(advanced_tips_, tips, BodyDynamics::gamma) : tips);
+      const BodyDynamics::Coefficients coefficients = dynamics_.begin_stage(stage, h, start_);
+      if (stage == 0) model_.set_displacement(start_.data());
+      minimize(coefficients, dynamic_tolerance, report);
+      dynamics_.end_stage(stage, h, model_.displacement(), model_.gradient());
+    }
+    if (!(h > 0.0)) model_.set_displacement(dynamics_.displacement().data());
+    tips_contact_.update_normals(model_.displacement());
+    tips_contact_.linearize(model_.displacement());
+    state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement()) + dynamics_.kinetic_energy();
+    const double horizon = (2.0 * inertia.update_interval - 1.0) * inertia.tick_period;  // to the tick of the full blend
+    look_ahead_ = dynamics_.begin_look_ahead(horizon, tips_contact_.force(), model_.gradient());
+    Report ahead;
+    minimize(look_ahead_, look_ahead_tolerance, ahead);
+    report.newton.indefinite = report.newton.indefinite || ahead.newton.indefinite;
+  }
+
+  /// Find the minimum of the dynamics from the present displacement.
+  void minimize(BodyDynamics::Coefficients coefficients, double tolerance, Report& report) {
+    DynamicForces forces(tips_contact_, dynamics_, coefficients, dynamic_force_);
+    tips_contact_.update_normals(model_.displacement());
+    for (int k = 0;; ++k) {
+      forces.linearize(model_.displacement());
+      double residual = 0.0, internal = 0.0;
+      for (std::size_t i = 0; i < dynamic_force_.size(); ++i) {
+        const double r = dynamic_force_[i] - model_.gradient()[i];
+        residual += r * r;
+        internal += model_.gradient()[i] * model_.gradient()[i];
+      }
+      const double scale = forces.norm() + std::sqrt(internal);
+      report.relative_residual = residual > 0.0 ? std::sqrt(residual) / scale : 0.0;
+      if (report.relative_residual <= tolerance || k == max_dynamic_steps) return;
+      const auto step = model_.step(forces, 1e-3F, options_.max_newton_steps);
+      report.newton.solver_steps += step.solver_steps;
+      report.newton.indefinite = report.newton.indefinite || step.indefinite;
+      if (k == 0) report.newton.residual = step.residual;
+      if (step.step_length == 0.0) return;
+    }
+  }
+
+  /// Add the mass of the look-ahead to the tangent.
+  void add_mass() {
+    if (is_dynamic()) model_.add_mass(DynamicForces(tips_contact_, dynamics_, look_ahead_, dynamic_force_));
+  }
+
+  /// Tips between two positions of theirs.
+  [[nodiscard]] static TipPair between(const TipPair& from, const TipPair& to, double part) noexcept {
+    TipPair out = to;
+    for (std::size_t t = 0; t < at(std::min(from.count, to.count)); ++t) {
+      const Vector3<> move = to.tip[t].center - from.tip[t].center;
+      if (move.allFinite()) out.tip[t].center = from.tip[t].center + part * move;
+    }
+    return out;
   }
 
   /// Predict the motion of the contact nodes by the last local model, and the body's by its columns.
@@ -339,10 +452,17 @@ class QuasiStaticSolver {
   /// Compute compliance and residual displacement of the next local model.
   void linearize() {
     const std::size_t count = model_nodes_.size();
-    for (std::size_t k = 0; k < model_.unknowns(); ++k)
-      residual_force_[k] = static_cast<float>(tips_contact_.force()[k] - model_.gradient()[k]);
+    const double* force = tips_contact_.force();
+    if (is_dynamic()) {
+      DynamicForces(tips_contact_, dynamics_, look_ahead_, dynamic_force_).linearize(model_.displacement());
+      force = dynamic_force_.data();
+    }
+    for (std::size_t k = 0; k < model_.unknowns(); ++k) residual_force_[k] = static_cast<float>(force[k] - model_.gradient()[k]);
     columns_.project(unit_forces_, column_index_, residual_force_, next_.compliance_matrix.data(), LocalModel::capacity,
                      next_.residual_displacement.data());
+    if (is_dynamic() && look_ahead_.stiffness != 1.0)
+      for (std::size_t i = 0; i < count; ++i)
+        for (std::size_t j = 0; j < count; ++j) next_.compliance_matrix[i * LocalModel::capacity + j] /= look_ahead_.stiffness;
     extrapolation_.complete(next_);
     for (std::size_t i = 0; i < count; ++i) {
       double sum = 0.0;
@@ -355,8 +475,15 @@ class QuasiStaticSolver {
   }
 
   HyperelasticModel<Material, lanes> model_;
-  bool exact_tangent_ = true;       // false: positive semidefinite tangent in use
-  double indefinite_energy_ = 0.0;  // stored energy when the exact tangent was abandoned, J
+  BodyDynamics dynamics_;
+  BodyDynamics::Coefficients look_ahead_;                 // of the local model
+  double state_energy_ = 0.0;                             // of the body with inertia, J
+  std::int64_t clock_ = no_tick, advanced_to_ = no_tick;  // ticks: of the next step, and of the last one
+  TipPair advanced_tips_;                                 // of the last step
+  bool is_static_ = false;
+  std::vector<double> start_, dynamic_force_;  // workspaces, m and N
+  bool exact_tangent_ = true;                  // false: positive semidefinite tangent in use
+  double indefinite_energy_ = 0.0;             // stored energy when the exact tangent was abandoned, J
   TetSurface surface_;
   LayeredSurface layered_;
   SurfaceContact tips_contact_;

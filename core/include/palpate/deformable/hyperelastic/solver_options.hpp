@@ -19,12 +19,22 @@ struct TetSurface {
   std::vector<std::array<std::int32_t, 3>> triangles;  ///< mesh points, counterclockwise seen from outside
 };
 
-/// Effort of a step of QuasiStaticSolver.
+/// Inertia of a body: lumped mass, and Rayleigh damping by rayleigh_alpha times the mass plus rayleigh_beta times the tangent stiffness.
+struct Inertia {
+  double density = 0.0;         ///< kg/m^3; 0: the body is quasi-static
+  double rayleigh_alpha = 0.0;  ///< 1/s
+  double rayleigh_beta = 0.0;   ///< s
+  double tick_period = 1e-3;    ///< of the servo, s
+  int update_interval = 20;     ///< ticks that a model update is expected to take
+};
+
+/// Effort of a step of QuasiStaticSolver, and the body's inertia.
 struct SolverOptions {
   int nodes_per_tip = 32;         ///< nodes with compliance columns, nearest to each tip; at most LocalModel::max_inner in total
   float newton_tolerance = 0.1F;  ///< relative error of the Newton direction, in the energy norm
   int max_newton_steps = 60;      ///< of conjugate gradients per Newton step
   ColumnRefinement compliance{};
+  Inertia inertia{};
 };
 
 }  // namespace palpate::deformable

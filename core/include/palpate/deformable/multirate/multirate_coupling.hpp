@@ -16,6 +16,9 @@ namespace palpate::deformable {
 /// `Solver` provides
 ///   Report step(const TipPair& tips, LocalModel& to)   one model update; may allocate
 ///   void reset()                                       return to rest
+/// and, if the body has inertia,
+///   void set_clock(std::int64_t tick)                  tick of the tips of the next update
+///   void set_static(bool is_static)                    whether updates approach the equilibrium, without inertia
 template <class Solver>
 class MultirateCoupling {
  public:
@@ -50,6 +53,7 @@ class MultirateCoupling {
   /// Perform one model update without publishing it. publish_model() follows later, as if the update had taken that long.
   void compute_model() {
     tip_samples_->acquire();
+    if constexpr (requires(Solver& s, std::int64_t tick) { s.set_clock(tick); }) solver_->set_clock(tip_samples_->value().tick);
     last_report_ = solver_->step(tip_samples_->value().tips, models_->write_slot());
     ++update_count_;
   }
@@ -59,6 +63,7 @@ class MultirateCoupling {
   /// energy tank. Return false if equilibrium was not reached (see Report::relative_residual). Not while another thread updates the model.
   bool settle(const TipPair& tips, int max_steps) {
     set_tips(tips);
+    set_static(true);
     int steps_at_rest = 0;  // consecutive updates at equilibrium
     for (int k = 0; k < max_steps && steps_at_rest < 2; ++k) {
       compute_model();
@@ -66,8 +71,10 @@ class MultirateCoupling {
     }
     model_switch_ = std::make_unique<PassiveModelSwitch>();
     models_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
+    set_static(false);
     update_model();
     model_switch_->step(*models_, tips);
+    model_switch_->start_with_energy(*models_);
     return steps_at_rest >= 2;
   }
 
@@ -89,6 +96,10 @@ class MultirateCoupling {
   }
 
  private:
+  void set_static(bool is_static) {
+    if constexpr (requires(Solver& s) { s.set_static(is_static); }) solver_->set_static(is_static);
+  }
+
   static constexpr double rest_tolerance = 1e-4;  // relative to the load
 
   struct TipSample {

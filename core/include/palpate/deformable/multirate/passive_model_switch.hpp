@@ -20,8 +20,9 @@ namespace palpate::deformable {
 /// energy tank, an increase is taken from it, and s stops while the tank is empty. At every instant
 ///   work of the tips on the body = V + tank level,  both nonnegative,
 /// so the tips never extract more energy than they supplied. A model that needs more energy is first stiffened about its state, by a factor
-/// of up to two: the forces at the state stay, the recoverable energy decreases. The tank is emptied when the last tip leaves the body: a
-/// quasi-static body stores nothing then.
+/// of up to two: the forces at the state stay, the recoverable energy decreases. When the last tip
+/// has left the body, the tank keeps at most the energy that the body still has (LocalModel::returnable): nothing for a quasi-static body.
+/// With inertia this is the energy of the swing, and it bounds what the swing returns to a tip.
 class PassiveModelSwitch {
  public:
   using ModelBuffer = TripleBuffer<LocalModel, 3>;
@@ -38,8 +39,16 @@ class PassiveModelSwitch {
       tank_.empty = false;
     }
     tank_.potential = result_.energy;
-    if (result_.nodes == 0) tank_ = {};
+    if (result_.nodes == 0)
+      leave(current_model(models));
+    else
+      models_since_contact_ = 0;
     return result_;
+  }
+
+  /// Start with the energy that the body holds beyond the potential of its first model in the tank.
+  void start_with_energy(ModelBuffer& models) noexcept {
+    if (current_model(models).has_inertia) tank_.level = std::max(current_model(models).returnable - tank_.potential, 0.0);
   }
 
   [[nodiscard]] const MultiTipResult& last() const noexcept { return result_; }
@@ -90,6 +99,13 @@ class PassiveModelSwitch {
     int count_, at_ = 0;
   };
 
+  /// Empty the tank down to the energy of the body. The first model after the contact may still be one of the body in contact.
+  void leave(const LocalModel& model) noexcept {
+    const double level = models_since_contact_ > 1 ? std::min(tank_.level, model.returnable) : tank_.level;
+    tank_ = {};
+    if (model.has_inertia) tank_.level = level;
+  }
+
   const MultiTipResult& solve(ModelBuffer& models, int slot, const TipPair& tips) noexcept {
     ModelSlot& s = slots_[static_cast<std::size_t>(slot)];
     return s.contact.solve(models.read_slot(s.slot), tips, s.compliance_scale);
@@ -114,6 +130,7 @@ class PassiveModelSwitch {
 
   /// Accept a new model: blend it in from now on, or, if the tank is empty, let it replace the model being blended if the tank allows.
   void accept_model(ModelBuffer& models, const TipPair& tips) noexcept {
+    ++models_since_contact_;
     ModelSlot& spare = slots_[static_cast<std::size_t>(spare_)];
     if (tank_.blend >= 1.0) {
       std::swap(previous_, current_);
@@ -179,6 +196,7 @@ class PassiveModelSwitch {
   int previous_ = 0, current_ = 1, spare_ = 2;
   int ticks_since_model_ = 0;  // ticks since the last model was accepted
   int blend_ticks_ = 1;        // duration of the blend
+  int models_since_contact_ = 0;
   MultiTipResult result_;
   EnergyTank tank_;
 };

@@ -245,10 +245,13 @@ class Body(IndentableBody):
         law: Law = "neo-hookean",
         update_interval: float | str = "20 ms",
         nodes_per_tip: float | str = 32,
+        density: float | str | None = None,
+        rayleigh_alpha: float | str = 0.0,
+        rayleigh_beta: float | str = 0.0,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
-        """Return the same body under large displacements, without inertia.
+        """Return the same body under large displacements, without inertia unless `density` is given.
 
         The body consists of smoothed linear tetrahedra (`palpate.fem.HyperelasticModel`), solved as by
         `palpate.fem.QuasiStaticSolver`. The model is updated by one Newton step per `update_interval`, s or text,
@@ -256,8 +259,13 @@ class Body(IndentableBody):
         around the tip (4 to 64). Update and ticks run synchronously, so results are reproducible. Friction acts in one
         plane, where the body yields by `tangential_compliance`.
 
+        With a `density`, kg/m^3 or text, the body has inertia and swings. Each update advances its motion by
+        `update_interval`, which should be a tenth of the swing's period or less. The damping matrix is
+        `rayleigh_alpha`, 1/s, times the mass plus `rayleigh_beta`, s, times the tangent stiffness, as in `modal`.
+
         Raises:
-            BodyError: the law is unknown, `update_interval` is shorter than a tick, or a number is out of range.
+            BodyError: the law is unknown, `update_interval` is shorter than a tick, or a number is out of range; or
+                the body has damping without a density.
         """
         if law not in LAWS:
             raise BodyError(f"a body's law is neo-hookean or corotational, not {law!r}")
@@ -267,12 +275,20 @@ class Body(IndentableBody):
             raise BodyError(f"update_interval: it lasts one tick ({tick:g} s) or more, not {update_period:g} s")
         if update_period > 1e6 * tick:
             raise BodyError(f"update_interval: it lasts a million ticks of {tick:g} s at most, not {update_period:g} s")
-        options = {"period": tick, "law": law, "update_interval": update_period, "nodes_per_tip": node_count}
+        options: dict[str, float | str] = {
+            "period": tick,
+            "law": law,
+            "update_interval": update_period,
+            "nodes_per_tip": node_count,
+        }
+        inertia = _inertia(density, rayleigh_alpha, rayleigh_beta)
+        options |= inertia
         body = self._with_model("hyperelastic", options, static_friction, dynamic_friction)
         volume, surface = self._hyperelastic_arrays()
         numbers = (node_count, round(update_period / tick), *self.tangential_compliance, *body.kind.friction)
         arguments: list[Any] = [*volume.values(), law == "corotational", *surface.values(), *numbers]
-        body.core = _core.HyperelasticBody(*arguments)
+        motion = (*inertia.values(), tick) if inertia else ()
+        body.core = _core.HyperelasticBody(*arguments, *motion)
         return body
 
     def _hyperelastic_arrays(self) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -316,6 +332,24 @@ class Body(IndentableBody):
         elif dynamic_friction is not None:
             friction = friction_coefficients(friction[0], dynamic_friction)
         return type(self)(self.contents, ModelSpec(name, options, friction))
+
+
+def _inertia(density: float | str | None, rayleigh_alpha: float | str, rayleigh_beta: float | str) -> dict[str, float]:
+    """Return the options of inertia in SI, none without a density; raise BodyError."""
+    alpha = not_negative(rayleigh_alpha, "1/s", "rayleigh_alpha")
+    beta = not_negative(rayleigh_beta, "s", "rayleigh_beta")
+    if density is None:
+        for name, value in (("rayleigh_alpha", alpha), ("rayleigh_beta", beta)):
+            if value > 0.0:
+                raise BodyError(
+                    f"{name}: a hyperelastic body without density has no inertia, so it takes no damping; write for "
+                    'example density="1000 kg/m^3"'
+                )
+        return {}
+    rho = number(density, "kg/m^3", "density")
+    if not rho > 0.0:
+        raise BodyError(f"density: the density is positive, in kg/m^3 (soft tissue: about 1000), not {rho:g}")
+    return {"density": rho, "rayleigh_alpha": alpha, "rayleigh_beta": beta}
 
 
 def _by_signed_distance(contact: str) -> bool:

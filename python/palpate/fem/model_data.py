@@ -64,4 +64,6 @@ def _hyperelastic_data(body: Body) -> ModelData:
         "static_friction": float(body.kind.friction[0]),
         "dynamic_friction": float(body.kind.friction[1]),
     }
+    if "density" in options:
+        parameters |= {key: float(options[key]) for key in ("density", "rayleigh_alpha", "rayleigh_beta", "period")}
     return ModelData("hyperelastic", parameters, arrays)

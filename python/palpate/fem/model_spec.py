@@ -17,6 +17,7 @@ _UNITS: Final = {
     "rayleigh_beta": ("ms", 1e3),
     "retardation_time": ("ms", 1e3),
     "rayleigh_alpha": ("1/s", 1.0),
+    "density": ("kg/m^3", 1.0),
 }
 
 

@@ -49,7 +49,13 @@ _COUNT: Final = must(lambda value: value in range(4, 65), "must be a whole numbe
 _FRICTION: Final = {"static_friction": Option(""), "dynamic_friction": Option("")}
 _DAMPING: Final = {"rayleigh_alpha": Option("1/s"), "rayleigh_beta": Option("s")}
 _CREEP: Final = {"instantaneous_ratio": Option("", _RATIO), "retardation_time": Option("s", POSITIVE)}
-_SLOW: Final = {"update_interval": Option("s", POSITIVE), "nodes_per_tip": Option("", _COUNT), **_FRICTION}
+_SLOW: Final = {
+    "update_interval": Option("s", POSITIVE),
+    "nodes_per_tip": Option("", _COUNT),
+    "density": Option("kg/m^3", POSITIVE),
+    **_DAMPING,
+    **_FRICTION,
+}
 # A kind stands for `Body.kind(period, **options)`, a law for `Body.hyperelastic(period, law=kind, **options)`.
 KINDS: Final[dict[str, dict[str, Option]]] = {
     "compliance": _FRICTION,
@@ -60,6 +66,7 @@ KINDS: Final[dict[str, dict[str, Option]]] = {
     "neo-hookean": _SLOW,
     "corotational": _SLOW,
 }
+LARGE: Final = ("neo-hookean", "corotational")  # kinds with inertia if they have a density
 WITH_CONTACT: Final = ("modal", "viscoelastic")  # kinds whose contact is a choice
 ContactLaw = Literal["node_normals", "signed_distance"]
 # shape: its keys, with an example of a required one
@@ -204,6 +211,13 @@ class BodyChoice(Section):
             if option.needed and key not in self.options:
                 example = f'"20 {option.unit}"' if option.unit else "2.0"
                 raise ValueError(f"{key} is missing: {self.kind} needs it, for example {key} = {example}")
+        if self.kind in LARGE and "density" not in self.options:
+            for key in _DAMPING:
+                if self.options.get(key, 0.0) > 0.0:
+                    raise ValueError(
+                        f"{key}: without density {self.kind} has no inertia, so it takes no damping; write for example "
+                        'density = "1000 kg/m^3"'
+                    )
         static, dynamic = (self.options.get(key, 0.0) for key in _FRICTION)
         if dynamic > static:
             raise ValueError(f"dynamic_friction: {dynamic:g} must not exceed static_friction ({static:g})")

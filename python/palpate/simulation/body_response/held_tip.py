@@ -10,6 +10,7 @@ from palpate import _core
 from palpate.arrays import Array
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
+from palpate.scenario.body import LARGE
 from palpate.simulation.bodies import origin_of, scenario_body
 
 __all__ = ["HeldTip"]
@@ -53,6 +54,11 @@ class HeldTip:
         """
         choice = scenario.object.body
         assert choice is not None
+        if choice.kind in LARGE and "density" in choice.options:
+            raise StabilityError(
+                f"a linear analysis does not take {choice.kind} with inertia, whose swing outlasts an update; remove "
+                "density from [object.body], or use the kind modal"
+            )
         body = scenario_body(scenario)
         self.core = body.core
         self.radius, self.period = choice.radius, scenario.period

@@ -8,7 +8,7 @@ from identify_data import premium_recording
 from palpate import devices
 from palpate import identification as identify
 from palpate.errors import RecordingError
-from palpate.identification.friction import _block_covariance
+from palpate.identification.friction import _block_covariance, _Matching
 
 ARM = devices.load("phantom-premium-1.5a")
 
@@ -58,3 +58,33 @@ def test_the_covariance_is_that_of_the_blocks():
     np.testing.assert_allclose(covariance, exact)
     with pytest.raises(RecordingError, match=r"3\.9 s are too short"):
         _block_covariance(slope[:390], rest[:390], 1e-2)
+
+
+def test_the_sensitivity_is_the_slope_over_a_twentieth_of_the_friction_or_a_thousandth_of_the_scale():
+    rng = np.random.default_rng(0)
+    slope, rest = rng.normal(size=(30, 3, 3)), rng.normal(size=(30, 3))
+    at, asked = np.array([0.2, 0.0, 0.01]), []
+
+    class Linear(_Matching):
+        def __init__(self):
+            self.scale = np.array([1.0, 2.0, 1.0])
+
+        def error(self, viscous):
+            asked.append(viscous - at)
+            return rest - slope @ (viscous - at)
+
+    np.testing.assert_allclose(Linear().sensitivity(at, rest), slope, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(asked, np.diag([0.01, 2e-3, 1e-3]), atol=1e-12)
+
+
+def test_the_scale_is_the_mean_of_inertia_and_stiffness_and_runs_are_counted():
+    recording = premium_recording()
+    servo = identify.JointServo(**recording.metadata["servo"])
+    matching = _Matching(recording, ARM, servo, 40)
+    inertia = np.diag(ARM.mass_matrix(np.array(servo.pose)))
+    np.testing.assert_allclose(matching.scale, np.sqrt(inertia * servo.kp))
+    left = [matching.error(ARM.viscous), matching.error(2.0 * ARM.viscous)]
+    assert matching.runs == 2
+    assert left[0].shape == (40, 3)
+    np.testing.assert_array_equal(left[0][0], 0.0)  # the run begins where the recording does
+    assert np.any(left[0] != left[1])

@@ -127,7 +127,8 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> PalpationSweep:
             volume, young=YOUNG, fixed="z < 0.001 mm", touch="z > 19.9 mm", regions=regions, order=1, output=path
         )
         body = {"file": str(path), "origin": ["50 mm", "20 mm", "20 mm"], "radius": "8 mm", "tip": "flat"}
-        found.append(simulate(sweep_scenario(body)))
+        rough = body | {"static_friction": 0.1}  # without friction the tip slides on for seconds after the sweep
+        found.append(simulate(sweep_scenario(rough)))
     return PalpationSweep("A slab", found[0], stiffness_profile(found[0]), stiffness_profile(found[1]))
 
 

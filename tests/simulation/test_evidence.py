@@ -328,6 +328,8 @@ SMALL = {"swing": 1.5e-6, "ripple": 1.5e-6, "ripple_before": 1e-6}
         ({"linear": 0, "swing": 2e-6, "generated": 0.09}, "generated_before", 0.101, 0.099, State.UNDECIDED),
         ({"decay": 0.8}, "trend", 6.24e-6, 6.26e-6, State.UNDECIDED),
         ({"decay": 0.99, "trend": 1e-6}, "swing", 2.01e-6, 1.99e-6, State.UNDECIDED),
+        ({"decay": 0.8, "trend": 3e-6, "swing": 1e-6, "trend_before": 2e-6}, "local", False, True, State.UNDECIDED),
+        ({"decay": 0.8, "trend": 3e-6, "swing": 0, "local": True}, "trend_before", 3.01e-6, 2.99e-6, State.UNDECIDED),
         ({"linear": 0, "trend_before": 2e-5}, "trend", 1.31e-5, 1.32e-5, State.UNDECIDED),
         ({"linear": 0, "trend_before": np.nan}, "trend", 1.31e-6, 1.32e-6, State.UNDECIDED),
         ({"decay": 0.8, "shift_ratio": 0.1}, "shift", 1.249e-5, 1.251e-5, State.UNDECIDED),

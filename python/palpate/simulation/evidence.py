@@ -133,6 +133,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
         "beyond": leaves_reach(trace, scenario, window),
         "pressed": one_sided and _pressed(trace, scenario, touching, last),
         "apart": _apart(trace, touching) if one_sided else 0.0,
+        "local": any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values()),
         "lossy": lossy(scenario, device),
         "generated": generated,
         "generated_before": generated_before,

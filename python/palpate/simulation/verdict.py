@@ -176,6 +176,7 @@ class Evidence:
         linear: +1 if the linear loop is stable, -1 if it is unstable, 0 if that is not known.
         decay: factor of the linear loop's slowest motion per fifth of the window; nan if unknown.
         kept: response to a push in the last fifth of the window, relative to that in the first; nan without a push.
+        local: whether the linear loop holds near the tip's place alone: on a mesh or body.
         lossy: whether dry friction, encoder counts or drive limits may hide what the linear loop does.
         generated: energy that an impedance display generates in the last fifth, relative to that which the operator
             supplies (`EnergyBalance`); nan if unknown.
@@ -210,6 +211,7 @@ class Evidence:
     linear: NDArray[np.int_]
     decay: Array
     kept: Array
+    local: NDArray[np.bool_]
     lossy: NDArray[np.bool_]
     generated: Array
     generated_before: Array
@@ -233,6 +235,7 @@ class Evidence:
             "pressed": False,
             "beyond": False,
             "constant": True,
+            "local": False,
             "lossy": False,
         }
         return cls(**{name: np.broadcast_to(value, (count,)) for name, value in {**defaults, **values}.items()})
@@ -274,10 +277,11 @@ def ahead(e: Evidence) -> Array:
 def _explained(e: Evidence, ratio: Array) -> NDArray[np.bool_]:
     """Return whether the linear loop's slowest motion explains motions (n,) with a `ratio` per fifth.
 
-    It does not if it is far too fast, as for a tip that slides on.
+    It does not if it is far too fast, as for a tip that slides on, or if the tip speeds up on a mesh or body.
     """
     with np.errstate(invalid="ignore"):
-        return np.asarray((e.linear > 0) & ~((e.decay < FAST) & (ratio > np.sqrt(np.sqrt(e.decay)))), dtype=bool)
+        slow = (e.local & (ratio >= 1.0)) | ((e.decay < FAST) & (ratio > np.sqrt(np.sqrt(e.decay))))
+    return np.asarray((e.linear > 0) & ~slow, dtype=bool)
 
 
 def _remaining(e: Evidence, motion: Array, ratio: Array, fifths: NDArray[np.int_] | int = 1) -> Array:

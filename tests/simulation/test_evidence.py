@@ -186,6 +186,7 @@ def test_the_bounces_of_an_impact_do_not_count_and_a_lost_contact_does() -> None
         ((10, 3, 20, 60, 15, 22), 15 / 97),  # lost after the impact
         ((10, 3, 20, 4, 23), 43 / 50),  # it never rests
         ((10, 90), 0.0),
+        ((100, 30, 20, 160), 20 / 210),  # a long flight before the first contact does not count
     ):
         touching = np.repeat(np.arange(len(turns)) % 2 == 1, turns)
         n = len(touching)

@@ -30,6 +30,12 @@ class LayerFriction {
   [[nodiscard]] bool sliding(int tip) const noexcept { return sliding_[at(tip)]; }
   void reset() noexcept { sliding_.fill(false); }
 
+  /// Reduce the traction of a place to what its normal force allows.
+  void limit(NearNodes::Place& p) const noexcept {
+    const double most = coefficient(p.tip) * p.force.norm(), size = p.traction.norm();
+    if (size > most) p.traction *= most / size;
+  }
+
   /// Update the tractions under the present normal forces. Return the change of their sum, N.
   double sweep(NearNodes& near) noexcept {
     const int count = near.engaged();

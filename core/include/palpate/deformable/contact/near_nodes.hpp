@@ -40,6 +40,8 @@ class NearNodes {
     Vector3<> free_change = Vector3<>::Zero();                            // of `free` since the last period, m
     Vector3<> last_way = Vector3<>::Zero();                               // way() of the last tick, m
     Matrix3<> slope = Matrix3<>::Zero();                                  // estimated derivative of the force by way(), N/m
+    Vector3<> traction_before = Vector3<>::Zero();                        // of the last tick, N
+    Matrix3<> traction_slope = Matrix3<>::Zero();                         // estimated derivative of the traction by way(), N/m
     double layer_energy = 0.0;                                            // of the points in contact, J
     double last_stiffness = 0.0;                                          // of the points in contact in the last tick, N/m
     Vector3<> change = Vector3<>::Zero();                                 // last change of the force, N
@@ -244,6 +246,8 @@ class NearNodes {
     p.last_force.setZero();
     p.change.setZero();
     p.traction.setZero();
+    p.traction_before.setZero();
+    p.traction_slope.setZero();
     p.last_traction.setZero();
     p.rubs = false;
   }

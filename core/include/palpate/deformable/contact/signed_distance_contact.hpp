@@ -147,19 +147,29 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return tip.jump;
   }
 
-  /// Predict the forces by a secant estimate of their derivative with respect to the nodes' motion relative to the tips (Broyden 1965).
+  /// Predict the forces by secant estimates of their derivatives with respect to the nodes' motion relative to the tips (Broyden 1965).
   void predict() noexcept {
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
       const double least = 1e-3 * near_.tip_of(p).shape.radius;
-      const Vector3<> unforeseen = p.force - p.last_force - p.slope * p.last_way;
-      p.slope += unforeseen * (p.last_way / (p.last_way.squaredNorm() + least * least)).transpose();
-      p.last_force = p.force;
-      p.last_way = near_.way(p);
-      const Vector3<> change = p.slope * p.last_way;
+      const Vector3<> towards = p.last_way / (p.last_way.squaredNorm() + least * least), way = near_.way(p);
+      const Vector3<> change = predict(p.force, p.last_force, p.slope, p.last_way, towards, way);
       if (change.squaredNorm() < p.force.squaredNorm()) p.force += change;
+      if (friction_ && p.rubs) {
+        p.traction += predict(p.traction, p.traction_before, p.traction_slope, p.last_way, towards, way);
+        friction_.limit(p);
+      }
+      p.last_way = way;
       near_.set_force(k);
     }
+  }
+
+  /// Update the estimated derivative of a force and the force of the last tick. Return the predicted change.
+  static Vector3<> predict(const Vector3<>& force, Vector3<>& last, Matrix3<>& slope, const Vector3<>& last_way, const Vector3<>& towards,
+                           const Vector3<>& way) noexcept {
+    slope += (force - last - slope * last_way) * towards.transpose();
+    last = force;
+    return slope * way;
   }
 
   /// Find the forces. Return whether they are acceptable.

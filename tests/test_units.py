@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from contextlib import suppress
 from typing import Any
 
@@ -179,3 +180,11 @@ def test_spaces_take_linear_time(text: str) -> None:
     """Quadratic time would be minutes."""
     with suppress(ValueError):
         assert parse_quantity(text.format(200_000 * " "), "m") == 0.005
+
+
+@pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "byte"])
+def test_a_value_of_another_quantity_is_named_by_its_own(unit: str) -> None:
+    """Also where only a radian tells two apart: 3 Hz is a frequency, 3 rad/s an angular velocity."""
+    wanted = "m" if unit == "kg" else "kg"
+    with pytest.raises(ScenarioError, match=re.escape(f"{UNITS[unit][0]} [{unit}]; a")):
+        to_si(f"3 {unit}", wanted, "x")

@@ -18,6 +18,7 @@ from palpate.fem import (
     force_error,
     spacing_for,
 )
+from palpate.fem.contact_accuracy import node_distance
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -55,6 +56,15 @@ def test_a_body_built_for_a_tip_has_the_wished_accuracy() -> None:
     errors = np.array([press.force[2] / FORCE - 1.0 for press in presses])
     assert np.abs(errors).max() < 0.10
     assert all(press.error == force_error(press.nodes, signed_distance=True) for press in presses)
+
+
+def test_the_distance_of_nodes_is_the_median_to_the_four_nearest_neighbors() -> None:
+    """Of a node nearest to the point; its own distance of zero does not count, nor do nodes farther away."""
+    line = np.array([[x, 0.0, 0.0] for x in (0.0, 1.0, 3.0, 4.0, 8.0, 20.0)])
+    assert node_distance(line, np.array([-5.0, 0.0, 0.0])) == 3.5  # 1, 3, 4 and 8
+    assert node_distance(line, np.array([3.4, 0.0, 0.0])) == 2.5  # 1, 2, 3 and 5
+    assert node_distance(line[:3], np.array([0.0, 0.0, 0.0])) == 2.0
+    assert node_distance(line[:1], np.zeros(3)) == 0.0
 
 
 def test_contradicting_choices_of_the_spacing_are_refused() -> None:

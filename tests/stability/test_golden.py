@@ -221,3 +221,16 @@ def test_a_held_force_works_over_the_way_after_it() -> None:
     gained = 0.5 * m * (v_last**2 - 0.1**2)
     assert zoh_energy(fs, xs) == pytest.approx(gained, rel=1e-9)
     assert naive_energy(fs, xs) < 0 < gained
+
+
+@pytest.mark.parametrize(
+    ("delay", "says"),
+    [(0, "no delay"), (1, "1 sample of delay"), (2, "2 samples of delay"), (0.5, "0.5 samples of delay")],
+)
+def test_the_sentence_of_a_wall_names_its_delay_and_what_is_passive(delay: float, says: str) -> None:
+    sentence = str(wall_limit(mass=0.06, damping=0.05, period=PERIOD, delay=delay))
+    assert f"at 1000 Hz, {says}, with 0 N s/m" in sentence
+    passive = wall_limit(mass=0.06, damping=0.05, period=PERIOD, delay=delay).passive_stiffness
+    assert f"Up to {passive:.5g} N/m it is passive" in sentence
+    none = wall_limit(mass=0.06, damping=0.0, period=PERIOD, delay=delay)
+    assert "No wall is" in str(none)

@@ -104,7 +104,7 @@ def contact_patches(
         Start of each node's list (n + 1,), vertices (w,), weights (w,).
     """
     area = np.linalg.norm(area_vectors(points, triangles), axis=1)
-    local = area[:, None, None] / 12.0 * (1.0 + np.eye(3))
+    local = area[:, None, None] * (1.0 + np.eye(3))  # twelve times the integrals; the weights are their ratios
     rows, columns = np.repeat(triangles, 3, axis=1).ravel(), np.tile(triangles, (1, 3)).ravel()
     products = sparse.csr_matrix((local.ravel(), (rows, columns)), shape=(len(points),) * 2)[nodes]
     weights = (sparse.diags(1.0 / np.asarray(products.sum(axis=1)).ravel()) @ products).tocsr()

@@ -154,3 +154,14 @@ def test_a_suffix_is_one_of_those_that_are_written(name: str) -> None:
     assert check_suffix(name, (".html", ".htm"), "a page") == Path(name)
     with pytest.raises(OutputError, match=r"page\.\w+: a table is saved as \.json or \.csv, not as '\.html?'"):
         check_suffix(name.lower(), (".json", ".csv"), "a table")
+
+
+def test_two_writers_of_a_folder_leave_each_other_alone(tmp_path: Path) -> None:
+    """The second one begins and ends while the first one writes: both files are there, and nothing else."""
+
+    def slow(part: Path) -> None:
+        write_folder(tmp_path, {"second": lambda file: file.write_text("2")})
+        part.write_text("1")
+
+    write_folder(tmp_path, {"first": slow})
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"first": "1", "second": "2"}

@@ -154,6 +154,12 @@ def test_order_selection_finds_the_true_order():
     assert counts == sorted(counts)
     assert table.best["bic"] == table.best["mdl"] == 1
     assert table.best["aic"] >= 1
+    assert table.chosen("bic") is table.candidates[1]
+    assert table.chosen() is table.candidates[table.best["free_run"]]
+    with pytest.raises(
+        RecordingError, match="there is no criterion 'cic'; take one of aic, bic, mdl, one_step, free_run"
+    ):
+        table.chosen("cic")
     assert table.chosen("bic").one_step.min() > table.candidates[0].one_step.min()
     assert "bic" in str(table)
 

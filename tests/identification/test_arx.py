@@ -164,6 +164,11 @@ def test_order_selection_finds_the_true_order():
     assert "bic" in str(table)
 
 
+def test_an_order_needs_structures_to_choose_from():
+    with pytest.raises(RecordingError, match="give at least one structure"):
+        select_order(record(200), [])
+
+
 def test_whiteness_has_its_false_alarm_rate_and_sees_colour():
     draw = np.random.default_rng(0)
     white = [whiteness(draw.normal(size=1000)).passed for _ in range(300)]

@@ -1,5 +1,6 @@
 // Choice of the hyperelastic solver for this machine. A build contains some of the widths: PALPATE_LANES_4 and PALPATE_LANES_8 tell which.
 // PALPATE_NATIVE_SOLVERS: only the widest that the machine of the build runs, without the portable one.
+#include <palpate/math/machine_lanes.hpp>
 #include <stdexcept>
 #include <type_traits>
 
@@ -11,18 +12,15 @@ namespace {
 
 template <class Make>
 auto widest(Make make) {
-#if defined(PALPATE_LANES_8)
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
-    return make(std::integral_constant<int, 8>());
-#endif
-#if defined(PALPATE_LANES_4)
-  if (__builtin_cpu_supports("avx2")) return make(std::integral_constant<int, 4>());
-#endif
+  return math::with_widest_lanes([&make](auto lanes) {
 #if defined(PALPATE_NATIVE_SOLVERS)
-  throw std::runtime_error("palpate was compiled for a processor with wider registers; compile it again on this machine");
-#else
-  return make(std::integral_constant<int, 2>());
+    if constexpr (lanes() == 2) {
+      throw std::runtime_error("palpate was compiled for a processor with wider registers; compile it again on this machine");
+      return decltype(make(lanes))();
+    } else
 #endif
+      return make(lanes);
+  });
 }
 
 }  // namespace

@@ -12,9 +12,6 @@ namespace palpate::batch {
 template <int lanes>
 void run_lanes(std::size_t index, bool workspace, const void* queue, int ticks, const double* reference, const double* operator_force);
 
-/// The widest that this machine and this build have.
-int most_lanes();
-
 /// Runs any number of cells, each a row of outcome_width<dof> in `rows`, on `threads` threads with at most `lanes` lanes each (0: all that
 /// there are), with a flexible mode without lanes. What a cell finds depends on neither. `cell(i, setup)` puts cell i's own values into a
 /// copy of the base setup.

@@ -7,6 +7,7 @@
 
 #include <functional>
 #include <map>
+#include <palpate/math/machine_lanes.hpp>
 #include <palpate/object/body_instance.hpp>
 #include <string>
 #include <vector>
@@ -124,18 +125,10 @@ nb::object run_cells(const LoopSetup<Mechanism>& base, const Rows& reference, co
 
 }  // namespace
 
-int palpate::batch::most_lanes() {
-#if defined(PALPATE_LANES_8)
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) return 8;
-#endif
-#if defined(PALPATE_LANES_4)
-  if (__builtin_cpu_supports("avx2")) return 4;
-#endif
-  return 2;
-}
-
 void bind_batch(nb::module_& m) {
-  m.def("max_lanes", &palpate::batch::most_lanes, "Loops that run side by side in one thread on this machine.");
+  m.def(
+      "max_lanes", [] { return palpate::math::with_widest_lanes([](auto lanes) -> int { return lanes(); }); },
+      "Loops that run side by side in one thread on this machine.");
   const char* doc = "Runs cells of one base setup; returns a row of outcomes for each.";
   palpate::mechanism::Registry::for_each([&m, doc]<class Mechanism>() {
     m.def("run_cells", &run_cells<Mechanism>, "base"_a, "reference"_a, "operator_force"_a, "columns"_a, "count"_a, "threads"_a = 1,

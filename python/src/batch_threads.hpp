@@ -4,25 +4,14 @@
 #include <atomic>
 #include <cstddef>
 #include <optional>
+#include <palpate/math/machine_lanes.hpp>
 #include <palpate/servo/batch.hpp>
 #include <thread>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 namespace palpate::batch {
-
-using RunLanes = void (*)(std::size_t, bool, const void*, int, const double*, const double*);
-
-inline RunLanes lanes_of(int lanes) {
-#if defined(PALPATE_LANES_8)
-  if (lanes == 8) return run_lanes<8>;
-#endif
-#if defined(PALPATE_LANES_4)
-  if (lanes == 4) return run_lanes<4>;
-#endif
-  (void)lanes;
-  return run_lanes<2>;
-}
 
 /// One thread's way to the cells that all threads share: one cell after the other, as long as they are of one shape.
 template <class Mechanism, class Controller, class Setup, class Cell>
@@ -79,9 +68,8 @@ class JobScheduler {
 template <class Mechanism, class Controller, class Setup, class Cell>
 void run_cells_with(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
                     const double* operator_force, double* rows, int threads, int lanes) {
-  int wide = most_lanes();
-  while (lanes > 0 && wide > std::max(lanes, 2)) wide /= 2;
-  const RunLanes run = lanes_of(wide);
+  using RunLanes = void (*)(std::size_t, bool, const void*, int, const double*, const double*);
+  const auto [wide, run] = math::with_widest_lanes([](auto n) { return std::pair<int, RunLanes>(n, run_lanes<n()>); }, lanes);
   constexpr std::size_t index = mechanism::Registry::index_of<Mechanism>();
   static_assert(index < mechanism::Registry::size, "batches run the mechanisms of the registry");
   std::atomic<std::ptrdiff_t> taken = 0;

@@ -1,9 +1,9 @@
 #pragma once
 
 #include <memory>
+#include <palpate/math/machine_lanes.hpp>
 #include <palpate/object/signed_distance_body.hpp>
-
-#include "batch.hpp"
+#include <utility>
 
 namespace palpate::body {
 
@@ -17,16 +17,7 @@ std::unique_ptr<object::SignedDistanceBody> make_in_lanes(deformable::SurfaceNod
 inline std::unique_ptr<object::SignedDistanceBody> make_signed_distance_body(deformable::SurfaceNodes&& nodes, const float* full,
                                                                              const deformable::ContactSurface& surface,
                                                                              const object::SignedDistanceOptions& options, int lanes) {
-  const int wide = lanes > 0 ? std::min(lanes, batch::most_lanes()) : batch::most_lanes();
-  auto make = make_in_lanes<2>;
-#if defined(PALPATE_LANES_4)
-  if (wide >= 4) make = make_in_lanes<4>;
-#endif
-#if defined(PALPATE_LANES_8)
-  if (wide >= 8) make = make_in_lanes<8>;
-#endif
-  (void)wide;
-  return make(std::move(nodes), full, surface, options);
+  return math::with_widest_lanes([&](auto n) { return make_in_lanes<n()>(std::move(nodes), full, surface, options); }, lanes);
 }
 
 }  // namespace palpate::body

@@ -294,9 +294,9 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return (tip.center - nodes_->point(node)).dot(nodes_->normal(node));
   }
 
-  /// Release the body from a tip that has been pushed through: its center is below the surface at rest, that of a flat end by a quarter of
-  /// the radius, and the energy of the tick has dropped by more than the tips' work, less that of friction, and a tenth. Of several tips,
-  /// those whose force has halved are released.
+  /// Release the body from a tip that has been pushed through. Its center is below the surface at rest, that of a flat end by a quarter of
+  /// the radius. In this tick the energy has dropped by more than the tips' work less that of friction; the margin is a tenth, of a body
+  /// with motion a half. Of several tips, those whose force has halved are released.
   void check_pushed_through(const Forces& before) noexcept {
     double work = 0.0;
     for (int t = 0; t < near_.tip_count(); ++t) work += 0.5 * near_.tip(t).last_move.dot(before[at(t)] + near_.tip(t).force);

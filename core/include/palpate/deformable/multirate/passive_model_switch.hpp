@@ -20,9 +20,9 @@ namespace palpate::deformable {
 /// energy tank, an increase is taken from it, and s stops while the tank is empty. At every instant
 ///   work of the tips on the body = V + tank level,  both nonnegative,
 /// so the tips never extract more energy than they supplied. A model that needs more energy is first stiffened about its state, by a factor
-/// of up to two: the forces at the state stay, the recoverable energy decreases. When the last tip has left the body, the tank keeps at most
-/// the energy that the body still has (LocalModel::returnable): nothing for a quasi-static body. With inertia this is the energy of the
-/// swing, and it bounds what the swing returns to a tip.
+/// of up to two: the forces at the state stay, the recoverable energy decreases. When the last tip has left the body, the tank keeps at
+/// most the energy that the body still has (LocalModel::returnable): nothing for a quasi-static body. With inertia this is the energy of
+/// the swing, and it bounds what the swing returns to a tip.
 class PassiveModelSwitch {
  public:
   using ModelBuffer = TripleBuffer<LocalModel, 3>;

@@ -1,17 +1,31 @@
-"""Checks of arguments for the linear models and the stability functions.
+"""Checks of arguments for the linear models and the stability functions, and of a tool's contact points.
 
-Each takes a number in SI, or text with a unit. A unit may carry an explanation in parentheses for the message.
+Each of a number takes it in SI, or text with a unit. A unit may carry an explanation in parentheses for the message.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 from palpate.errors import StabilityError
 from palpate.units import to_si
 
+MAX_TIPS: Final = 8  # of a body's contact
+_SAME_PLACE: Final = 1e-6  # m
 _PLAIN: Final = "samples"  # counted, so a plain number
+
+
+def tool_mistake(points: Sequence[Sequence[float]]) -> str:
+    """Return what is wrong with the contact points of a tool (k, 3), m; "" if nothing is."""
+    if len(points) > MAX_TIPS:
+        return f"{len(points)} points; a tool has at most {MAX_TIPS}"
+    for k, point in enumerate(points):
+        for other in range(k):
+            if math.dist(point, points[other]) < _SAME_PLACE:
+                return f"points {other + 1} and {k + 1} are in the same place; remove one"
+    return ""
 
 
 def positive(value: float | str, name: str, unit: str) -> float:

@@ -2,11 +2,13 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <memory>
+#include <optional>
 #include <palpate/deformable/contact/tip_contact.hpp>
 #include <palpate/deformable/linear/compliance.hpp>
 #include <palpate/deformable/linear/mass_spring_model.hpp>
@@ -301,13 +303,16 @@ void bind_signed_distance(nb::module_& m) {
           [](SignedDistanceCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
              const Points& vertices, const IndexRows<3>& triangles, const Indices& node, const Numbers& modulus, double poisson,
              const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instantaneous_ratio,
-             double retardation_time, double sideways, int tips, double mu_static, double mu_dynamic, int lanes) {
+             double retardation_time, double sideways, int tips, double mu_static, double mu_dynamic, int lanes,
+             const std::optional<Points>& contact_points) {
             using palpate::deformable::Compliance, palpate::deformable::SignedDistanceContact;
             auto nodes = BodyCore<Compliance>::fitting(at, normals, areas, compliance);
             if (modulus.shape(0) != at.shape(0)) throw nb::value_error("the sizes of the body's arrays do not match");
             if (frequencies.shape(0) > 0 && (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0)))
               throw nb::value_error("the sizes of the modes do not match the compliance");
-            if (tips < 1 || tips > SignedDistanceContact::max_tips) throw nb::value_error("a body has 1 to 8 tips");
+            if (tips < 1 || tips > SignedDistanceContact::max_tips ||
+                (contact_points && contact_points->shape(0) > SignedDistanceContact::max_tips))
+              throw nb::value_error("a body has 1 to 8 tips");
             auto surface = contact_surface(vertices, triangles, node, modulus);
             surface.poisson = poisson;
             const palpate::object::SignedDistanceOptions options{
@@ -318,6 +323,7 @@ void bind_signed_distance(nb::module_& m) {
                 .instantaneous_ratio = instantaneous_ratio,
                 .retardation_time = retardation_time,
                 .tips = tips,
+                .contact_points = contact_points ? points(*contact_points) : std::vector<palpate::math::Vector3<>>(),
             };
             new (self)
                 SignedDistanceCore(palpate::body::make_signed_distance_body(std::move(nodes), compliance.data(), surface, options, lanes));
@@ -325,7 +331,9 @@ void bind_signed_distance(nb::module_& m) {
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "vertices"_a, "triangles"_a, "node"_a, "modulus"_a, "poisson"_a, "shapes"_a,
           "frequencies"_a, "period"_a = 1e-3, "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0, "instantaneous_ratio"_a = 1.0,
           "retardation_time"_a = 1.0, "sideways"_a = 1.0, "tips"_a = 1, "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0,
-          "lanes"_a = 0, "`lanes`: width of the registers as for run_cells; the forces do not depend on it.")
+          "lanes"_a = 0, "contact_points"_a = nb::none(),
+          "`lanes`: width of the registers as for run_cells, 0: the widest; the forces do not depend on it. `contact_points`: centers of "
+          "the equal tips of a rigid tool less the center of a path (k, 3), m; none: one tip, or `tips` of `simulate_tips`.")
       .def(
           "simulate_path",
           [](SignedDistanceCore& self, const Points& centers, const Points& outward, double radius, bool flat) {

@@ -7,9 +7,11 @@ from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.fem.checks import (
+    contact_points,
     friction_coefficients,
     not_negative,
     number,
@@ -82,6 +84,33 @@ class Body(IndentableBody):
             BodyError: a coefficient is negative, or the dynamic one exceeds the static one.
         """
         return self._rebuild(self.contents, friction_coefficients(static_friction, dynamic_friction))
+
+    def with_contact_points(self, points: ArrayLike) -> Self:
+        """Return the same body, touched by a rigid tool of several equal tips in place of a single tip.
+
+        The tool translates and does not turn. Force and number of nodes are the sums over its tips, and the deflection
+        is their mean, weighted by their normal forces. The contact must be by signed distance.
+
+        Args:
+            points: centers of the 1 to 8 tips less the position of the tool, body frame (k, 3), m or text; none: a
+                single tip.
+
+        Raises:
+            PoseError: the points have the wrong shape or a number that is not finite.
+            BodyError: there are more than 8 points, two are in the same place, or the contact is not by signed
+                distance.
+        """
+        offsets = contact_points(points)
+        if not isinstance(self.core, _core.SignedDistanceBody):
+            if not offsets:
+                return self
+            raise BodyError(
+                "contact_points: a tool needs the contact by signed distance: signed_distance(), or "
+                'contact="signed_distance"'
+            )
+        body = type(self)(self.contents, self.kind._replace(contact_points=offsets))
+        body.core = body._signed_distance_core()
+        return body
 
     def modal(
         self,
@@ -316,7 +345,7 @@ class Body(IndentableBody):
         if self.kind.name == COMPLIANCE.name:
             return body
         made: Self = getattr(body, self.kind.name)(**self.kind.options)
-        return made
+        return made.with_contact_points(self.kind.contact_points) if self.kind.contact_points else made
 
     def _with_model(
         self,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
+from palpate.checks import tool_mistake
 from palpate.errors import PoseError
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.units import parse_quantity, to_si
@@ -136,6 +137,25 @@ def lengths(values: ArrayLike, field: str) -> Array:
     except ValueError:
         raise PoseError(f"{field}: its rows must have the same length") from None
     return np.array([length(value, field) for value in array.ravel()], dtype=float).reshape(array.shape)
+
+
+def contact_points(values: ArrayLike) -> tuple[tuple[float, ...], ...]:
+    """Return the contact points of a tool, m, from numbers or text (k, 3).
+
+    Raises:
+        PoseError: they have another shape or a number that is not finite.
+        BodyError: there are too many, or two are in the same place.
+    """
+    points = lengths(values, "contact_points")
+    if points.size == 0:
+        return ()
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise PoseError(f"contact_points: a tool has points (k, 3) in m; these have shape {points.shape}")
+    check_finite(points, "contact_points")
+    offsets = tuple((float(x), float(y), float(z)) for x, y, z in points)
+    if mistake := tool_mistake(offsets):
+        raise BodyError(f"contact_points: {mistake}")
+    return offsets
 
 
 def point_of(value: ArrayLike) -> Array:

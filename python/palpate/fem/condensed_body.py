@@ -242,8 +242,13 @@ class CondensedBody:
         """C++ contact model of one tip."""
         return _core.ComplianceBody(*self._arrays(), *self.kind.friction)
 
-    def _signed_distance_core(self, tips: int = 1) -> _core.SignedDistanceBody:
-        """Return a core with contact by signed distance for 1 to 8 tips, from the options of the kind, at rest."""
+    def _signed_distance_core(self, tips: int = 1, *, tool: bool = True) -> _core.SignedDistanceBody:
+        """Return a core with contact by signed distance, from the options of the kind, at rest.
+
+        Args:
+            tips: 1 to 8 tips that move independently.
+            tool: whether the contact points of the kind take the place of one tip.
+        """
         static, dynamic = self.kind.friction
         numbers = {name: value for name, value in self.kind.options.items() if isinstance(value, float | int)}
         shapes, frequencies = np.empty((0, 0), dtype=np.float32), np.empty(0)
@@ -267,6 +272,7 @@ class CondensedBody:
             tips=tips,
             static_friction=static,
             dynamic_friction=dynamic,
+            contact_points=np.array(self.kind.contact_points) if tool and self.kind.contact_points else None,
         )
 
     def _recorded(self, key: str) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
+from palpate.checks import MAX_TIPS
 from palpate.contact.simplices import area_vectors, volumes
 from palpate.errors import PoseError
 from palpate.fem.checks import (
@@ -33,7 +34,6 @@ _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundred
 _MAX_UPDATES = 200  # model updates at each depth
 _TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
 NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
-_MAX_TIPS = 8
 OVERLAPS_FIXED: Final = (
     "overlaps a fixed or held part of the surface, which does not push back, so its force is too small: press a radius "
     "away from it"
@@ -119,6 +119,8 @@ class IndentableBody(CondensedBody):
         """Return the relative error of a sphere's force by the mesh; None for models other than the compliance."""
         if not isinstance(self.core, _core.DeformableBody | _core.SignedDistanceBody) or self.record.get("order") != 2:
             return None
+        if self.kind.contact_points:
+            return None
         return force_error(nodes, signed_distance=isinstance(self.core, _core.SignedDistanceBody))
 
     def _static_body(self) -> Self | None:
@@ -126,7 +128,9 @@ class IndentableBody(CondensedBody):
         if isinstance(self.core, _core.ModalBody | _core.StandardLinearSolidBody):
             return type(self)(self.contents)
         if isinstance(self.core, _core.SignedDistanceBody) and (self.core.has_memory or self.kind.friction[0] > 0.0):
-            static = type(self)(self.contents, ModelSpec("signed_distance", _static_options(self.kind)))
+            options = _static_options(self.kind)
+            kind = self.kind._replace(name="signed_distance", options=options, friction=(0.0, 0.0))
+            static = type(self)(self.contents, kind)
             static.core = static._signed_distance_core()
             return static
         return None
@@ -289,9 +293,9 @@ class IndentableBody(CondensedBody):
                 'several tips need the contact by signed distance: signed_distance(), or contact="signed_distance"'
             )
         centers = np.ascontiguousarray(lengths(paths, "paths"))
-        if centers.ndim != 3 or centers.shape[2] != 3 or not 1 <= centers.shape[1] <= _MAX_TIPS:
+        if centers.ndim != 3 or centers.shape[2] != 3 or not 1 <= centers.shape[1] <= MAX_TIPS:
             raise PoseError(
-                f"paths are (m, tips, 3) numbers in m of 1 to {_MAX_TIPS} tips; these have shape {centers.shape}"
+                f"paths are (m, tips, 3) numbers in m of 1 to {MAX_TIPS} tips; these have shape {centers.shape}"
             )
         check_finite(centers, "paths")
         count = centers.shape[1]
@@ -302,7 +306,7 @@ class IndentableBody(CondensedBody):
         check_finite(axes, "segments")
         along = np.linalg.norm(axes, axis=1)
         axes = np.where(along[:, None] > 0.0, axes / np.maximum(along, 1e-300)[:, None], [0.0, 0.0, 1.0])
-        core = self._signed_distance_core(count)
+        core = self._signed_distance_core(count, tool=False)
         rows = core.simulate_tips(centers, np.ascontiguousarray(axes), sizes, along, np.zeros(count))
         _warn_of_unsolved(rows.reshape(-1, rows.shape[2]))
         return [_history(rows[:, tip]) for tip in range(count)]
@@ -314,7 +318,7 @@ class IndentableBody(CondensedBody):
         """
         nodes, forces = self.core.contact_forces()
         pressure = np.zeros(len(self.nodes))
-        pressure[nodes] = forces / self.contents.areas[nodes]
+        np.add.at(pressure, nodes, forces / self.contents.areas[nodes])  # two tips of a tool may press one node
         return pressure
 
     def displacement(self) -> Array:

@@ -27,6 +27,7 @@ class ModelSpec(NamedTuple):
     name: str  # "compliance": linear elastic and massless, without a method
     options: Mapping[str, float | str]  # SI
     friction: tuple[float, float] = (0.0, 0.0)  # static, dynamic
+    contact_points: tuple[tuple[float, ...], ...] = ()  # of a tool, see `Body.with_contact_points`
 
     def __str__(self) -> str:
         elastic = self.options.get("instantaneous_ratio") == 1.0
@@ -38,7 +39,8 @@ class ModelSpec(NamedTuple):
         )
         static, dynamic = self.friction
         friction = f"friction {static:g}{f', {dynamic:g} sliding' if dynamic < static else ''}"
-        return f"{self.name}{options and f' ({options})'}, {friction if static > 0.0 else 'no friction'}"
+        tool = f", tool of {len(self.contact_points)} tips" if self.contact_points else ""
+        return f"{self.name}{options and f' ({options})'}, {friction if static > 0.0 else 'no friction'}{tool}"
 
 
 COMPLIANCE: Final = ModelSpec("compliance", {})

@@ -153,7 +153,7 @@ def _mesh_error(trace: Trace, row: int, nodes: int) -> float | None:
     """Return the relative error of the force in a sample by the mesh; None if it is not known."""
     choice = trace.scenario.get("object", {}).get("body") or {}
     kind = choice.get("kind", "compliance")
-    if choice.get("tip", "sphere") != "sphere" or kind not in _ESTIMATED:
+    if choice.get("tip", "sphere") != "sphere" or choice.get("contact_points") or kind not in _ESTIMATED:
         return None
     if not resolves_tip(trace, row):
         return None

@@ -17,6 +17,7 @@ from pydantic import (
     model_validator,
 )
 
+from palpate.checks import tool_mistake
 from palpate.scenario.fields import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -112,6 +113,8 @@ class BodyChoice(Section):
         held: regions whose contact nodes are held in place, see `palpate.fem.Body.held`.
         tip: "sphere", or "flat" for the end of a rod along the body's z axis.
         radius: of the tip, m.
+        contact_points: of a rigid tool that does not turn: centers of its equal tips less the device's tip, device
+            frame, m, 8 at most. None: the device's tip touches the body itself. Contact by signed distance only.
     """
 
     shape: Literal["file", "block", "phantom"] = "file"
@@ -134,6 +137,7 @@ class BodyChoice(Section):
     rotation: Angle3 = (0.0, 0.0, 0.0)
     tip: Literal["sphere", "flat"] = "sphere"
     radius: Length = Field(examples=['"8 mm"'])
+    contact_points: tuple[Position3, ...] = ()
     stiffness_scale: Annotated[Number, POSITIVE] = 1.0
     held: Annotated[tuple[str, ...], BeforeValidator(_listed)] = ()
     options: Annotated[dict[str, float], PlainSerializer(_options_text)] = Field(default_factory=dict)
@@ -207,6 +211,14 @@ class BodyChoice(Section):
                 raise ValueError(f'{key} has no meaning for shape = "{self.shape}"')
         if self.contact is not None and self.kind not in WITH_CONTACT:
             raise ValueError(f"contact has no meaning for {self.kind}, only for {', '.join(WITH_CONTACT)}")
+        if self.contact_points:
+            if "signed_distance" not in (self.kind, self.contact):
+                raise ValueError(
+                    'contact_points: a tool needs the contact by signed distance; write kind = "signed_distance", or '
+                    f'contact = "signed_distance" with {" or ".join(WITH_CONTACT)}'
+                )
+            if mistake := tool_mistake(self.contact_points):
+                raise ValueError(f"contact_points: {mistake}")
         for key, option in KINDS[self.kind].items():
             if option.needed and key not in self.options:
                 example = f'"20 {option.unit}"' if option.unit else "2.0"

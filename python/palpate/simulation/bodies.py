@@ -66,7 +66,10 @@ def resolves_tip(trace: Recorded, row: int) -> bool:
         return False
     scenario, choice, body = found
     tip = _tip_in_body(trace, scenario, body)[row]
-    return body.record.get("order") == 2 and not unresolved(body.nodes, tip, choice.radius, choice.tip)
+    centers = tip + _tool_in_body(choice)
+    return body.record.get("order") == 2 and not any(
+        unresolved(body.nodes, center, choice.radius, choice.tip) for center in centers
+    )
 
 
 def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
@@ -78,7 +81,8 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
         return False
     scenario, choice, body = found
     axis = np.array([0.0, 0.0, 1.0]) if choice.tip == "flat" else None
-    return bool(body.overlaps_fixed(_tip_in_body(trace, scenario, body)[rows], choice.radius, axis).any())
+    centers = _tip_in_body(trace, scenario, body)[rows][:, None] + _tool_in_body(choice)
+    return bool(body.overlaps_fixed(centers.reshape(-1, 3), choice.radius, axis).any())
 
 
 def _recorded_body(trace: Recorded) -> tuple[Scenario, BodyChoice, Body] | None:
@@ -106,6 +110,12 @@ def _tip_in_body(trace: Recorded, scenario: Scenario, body: Body) -> Array:
     anchor = np.zeros(3) if moving else trace["tip"][0] + np.array(scenario.object.position)
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
     return np.asarray((touching_tip(trace) - anchor) @ turn + origin_of(choice, body))
+
+
+def _tool_in_body(choice: BodyChoice) -> Array:
+    """Return the centers of the tool's tips less the device's tip in the frame of the body (k, 3), m; one tip: zero."""
+    turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
+    return np.asarray(np.array(choice.contact_points or ((0.0, 0.0, 0.0),)) @ turn)
 
 
 def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:
@@ -145,16 +155,17 @@ def place_body(scenario: Scenario, origin: Array) -> tuple[Body, Array, Array]:
 def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
     """Raise ScenarioError if the tip starts so deep in the body that it does not reach the surface."""
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
-    tip = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
-    if not body.contains(tip):
-        return
-    deep = float(np.linalg.norm(body.surface.nearest(tip)[0] - tip))
+    start = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
     beside = 0.5 * float(np.sqrt(body.contents.areas.max())) if choice.tip == "flat" else 0.0
-    if deep > choice.radius + beside:
-        raise ScenarioError(
-            f"object.position: the tip starts inside the body, its center {1e3 * deep:.3g} mm below the surface; "
-            "the position is that of the body's origin from the center of the start tip: move the body away from it"
-        )
+    for tip in start + _tool_in_body(choice):
+        if not body.contains(tip):
+            continue
+        deep = float(np.linalg.norm(body.surface.nearest(tip)[0] - tip))
+        if deep > choice.radius + beside:
+            raise ScenarioError(
+                f"object.position: the tip starts inside the body, its center {1e3 * deep:.3g} mm below the surface; "
+                "the position is that of the body's origin from the center of the start tip: move the body away from it"
+            )
 
 
 def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
@@ -177,7 +188,8 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
         chosen = {} if choice.contact is None else {"contact": choice.contact}
         options = tuple(sorted({**choice.options, **chosen}.items()))
         supported = (_state(path), choice.held)
-        return _of_kind(supported, choice.stiffness_scale, choice.kind, options, scenario.period)
+        tool = tuple(map(tuple, _tool_in_body(choice).tolist())) if choice.contact_points else ()
+        return _of_kind(supported, choice.stiffness_scale, choice.kind, options, scenario.period, tool)
     except PalpateError as problem:
         key, _, sentence = str(problem).partition(": ")  # the message about a number begins with its name
         if key in choice.options or key in _recipe(choice) or key in ("stiffness_scale", "held"):
@@ -263,6 +275,7 @@ def _of_kind(
     kind: str,
     options: tuple[tuple[str, Any], ...],
     period: float,
+    tool: tuple[tuple[float, ...], ...],
 ) -> Body:
     body = _held(*supported)
     body = body if scale == 1.0 else body.scaled_stiffness(scale)
@@ -274,4 +287,4 @@ def _of_kind(
     if kind in get_args(Law):
         return body.hyperelastic(period, law=kind, **dict(options))  # type: ignore[arg-type]
     made: Body = getattr(body, kind)(period, **dict(options))
-    return made
+    return made.with_contact_points(tool) if tool else made

@@ -26,6 +26,7 @@ BODY: Final = {
     "solved": 1,
     "tank_energy": 1,
     "contact_lost": 1,
+    "contact_moment": 3,
 }
 CONTACT: Final = {"force": 3, "touching": 1}  # of each object of a scene
 POSE: Final = 12  # columns of a moving frame: origin (3), rotation matrix by rows (9)
@@ -81,13 +82,15 @@ class PlacedObject:
         kinds = self.kinds
         ends = np.cumsum([*kinds.values()])
         values = {name: own[:, end - width : end] for (name, width), end in zip(kinds.items(), ends, strict=True)}
+        if "contact_moment" in values and not self._has_moment:
+            del values["contact_moment"]
         if "proxy" in values:
             values = {"deflection": -values["depth"] * values["normal"], **values}
         elif "deflection" not in values:
             values = {"deflection": self._deflection(local, values), **values}
         if not frame:
             return values
-        for name in ("deflection", "normal", "proxy", "mass_position"):
+        for name in ("deflection", "normal", "proxy", "mass_position", "contact_moment"):
             if name in values:
                 values[name] = np.einsum("nij,nj->ni", matrix, values[name])
         for name in ("proxy", "mass_position"):
@@ -95,6 +98,12 @@ class PlacedObject:
                 values[name] = values[name] + pose[:, :3]
         turned = Rotation.from_matrix(matrix).as_rotvec() if len(matrix) else np.zeros((0, 3))
         return {**values, "frame_position": pose[:, :3], "frame_rotation": turned}
+
+    @property
+    def _has_moment(self) -> bool:
+        """Whether the core knows the moment of the contact: that by signed distance."""
+        body = self.scenario.object.body
+        return body is not None and "signed_distance" in (body.kind, body.contact)
 
     def _deflection(self, tip: Array, values: Mapping[str, Array]) -> Array:
         """Return the deflection of a spring, a wall or a field (n, 3), m; without an object, the tip's displacement.

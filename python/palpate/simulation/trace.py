@@ -68,6 +68,7 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "tank_energy": ("J", "level of the energy tank of the body (large displacements)"),
     "contact_nodes": ("", "number of nodes of the body in contact"),
     "solved": ("", "1; 0 if the contact force was not found, as with too many nodes under the tip"),
+    "contact_moment": ("N*m", "moment about the tip of the force of the tip on the object, per axis"),
     "contact_lost": ("", "1 while the tip is inside the body without contact: it began there or was pushed through"),
     "triangle": ("", "index of the triangle in contact, -1 without contact"),
     "frame_position": ("m", "origin of the frame of a moving object"),

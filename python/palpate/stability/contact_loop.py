@@ -137,7 +137,8 @@ def contact_at(
         trace: a run of it.
         row: index of the sample.
         controller: instead of the scenario's.
-        along_normal: test motions along the force of the contact only, unless the surface has friction.
+        along_normal: test motions along the force of the contact only, unless the contact resists others
+            (`HeldTip.holds_across`).
         equilibrium: of a hyperelastic body, as for `HeldTip`.
     """
     if not trace["touching"][row, 0]:
@@ -147,12 +148,12 @@ def contact_at(
     held = HeldTip(scenario, trace["tip"][: row + 1] - trace["tip"][0], equilibrium=equilibrium)
     response = multirate_response(held) if held.multirate else body_response(held)
     normal = held.frame[:, 0]
-    across = held.friction or (scenario.operator.kind == "arm" and not along_normal)
+    across = held.holds_across or (scenario.operator.kind == "arm" and not along_normal)
     device = device_loop(scenario, trace, row, normal, across, controller)
     depth = -float(trace["deflection"][row] @ normal)
     loop = _around(device, response)
     alone = loop
-    if len(loop.normal) > 1 and not held.friction:
+    if len(loop.normal) > 1 and not held.holds_across:
         alone = loop.along_normal(device_loop(scenario, trace, row, normal, False, controller).path)
     return judge(loop, alone, response, depth)
 

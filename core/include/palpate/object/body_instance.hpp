@@ -13,7 +13,8 @@
 
 namespace palpate::object {
 
-/// A deformable body, its pose in the device's frame, and the tip that touches it. Plain data.
+/// A deformable body, its pose in the device's frame, and the tip that touches it. Plain data. A tool of several tips belongs to the body
+/// (SignedDistanceOptions::contact_points).
 struct BodyPlacement {
   std::shared_ptr<const DeformableObject> body;            ///< at rest; every BodyInstance has a state of its own
   Vector3<> origin = Vector3<>::Zero();                    ///< of the body's frame, m
@@ -32,7 +33,8 @@ class BodyInstance {
   using Scalar = double;
   static constexpr double shallow = 50e-6;  ///< depth up to which the local stiffness is taken as at least the last one, m
   static constexpr double unknown = 1e3;    ///< stiffness before the first deeper contact, N/m
-  static constexpr int columns = 8;         ///< deflection (3), stored energy, contact nodes, solved, energy of the tank, contact lost
+  /// Deflection (3), stored energy, contact nodes, solved, energy of the tank, contact lost, moment about the tip (3).
+  static constexpr int columns = 11;
 
   /// @param placement  its body must not be null
   explicit BodyInstance(BodyPlacement placement) : placement_(std::move(placement)), body_(placement_.body->clone_at_rest()) {
@@ -60,7 +62,7 @@ class BodyInstance {
     result_.force = -(placement_.rotation * contact.force);
     result_.deflection = placement_.rotation * contact.deflection;
     result_.touching = contact.touching;
-    result_.normal = contact.touching ? Vector3<>(placement_.rotation * tip_.outward) : Vector3<>(Vector3<>::Zero());
+    result_.normal = contact.touching && !contact.opposed ? Vector3<>(placement_.rotation * tip_.outward) : Vector3<>(Vector3<>::Zero());
     result_.depth = -result_.normal.dot(result_.deflection);
     update_stiffness();
     return result_;
@@ -89,6 +91,7 @@ class BodyInstance {
     row[5] = contact.solved ? 1.0 : 0.0;
     row[6] = contact.tank_energy;
     row[7] = contact.lost ? 1.0 : 0.0;
+    Eigen::Map<Vector3<>>{row + 8} = -(placement_.rotation * contact.moment);
   }
 
   [[nodiscard]] const DeformableObject& body() const noexcept { return *body_; }
@@ -103,6 +106,10 @@ class BodyInstance {
 
   /// Set the secant stiffness along the normal. At first touch a body is softer than a little deeper, where it will rest.
   void update_stiffness() noexcept {
+    if (body_->last().opposed) {
+      result_.stiffness = 0.0;  // not known
+      return;
+    }
     const double secant = result_.depth > 0.0 ? -result_.normal.dot(result_.force) / result_.depth : 0.0;
     result_.stiffness = result_.depth > shallow ? secant : result_.touching ? std::max(secant, last_stiffness_) : 0.0;
     if (result_.depth > shallow) last_stiffness_ = secant;

@@ -24,11 +24,12 @@ namespace palpate::object {
 struct SignedDistanceOptions {
   double sideways = 1.0;  ///< see FullCompliance
   deformable::DryFriction friction;
-  double period = 1e-3;              ///< of a tick, s; of a body with memory
-  deformable::ModalData modes;       ///< none: without inertia
-  double instantaneous_ratio = 1.0;  ///< of the instantaneous to the long-term modulus; 1: elastic
-  double retardation_time = 1.0;     ///< s
-  int tips = 1;                      ///< at most SignedDistanceContact::max_tips
+  double period = 1e-3;                   ///< of a tick, s; of a body with memory
+  deformable::ModalData modes;            ///< none: without inertia
+  double instantaneous_ratio = 1.0;       ///< of the instantaneous to the long-term modulus; 1: elastic
+  double retardation_time = 1.0;          ///< s
+  int tips = 1;                           ///< at most SignedDistanceContact::max_tips
+  std::vector<Vector3<>> contact_points;  ///< of a rigid tool: centers of its equal tips less the tip's center, m; none: one tip
 };
 
 /// A linear body whose contact follows the tip's signed distance (SignedDistanceContact): static, of a standard linear solid, or with
@@ -50,6 +51,7 @@ class SignedDistanceBody : public DeformableObject {
     deformable::DryFriction friction;
     double rim = 0.0;  ///< radius of the rounded edge of a flat end: a quarter of the mean node spacing, m
     int tips = 1;
+    std::vector<Vector3<>> contact_points;  ///< of a rigid tool, see SignedDistanceOptions
 
     /// `full` is 3n x 3n [m/N], row 3 x node + axis; the surface's nodes are those of `at`.
     Data(deformable::SurfaceNodes at, const float* full, const deformable::ContactSurface& surface,
@@ -58,7 +60,8 @@ class SignedDistanceBody : public DeformableObject {
           patches(surface, deformable::creep_law(options.instantaneous_ratio, options.retardation_time, options.period)),
           sideways(options.sideways),
           friction(options.friction),
-          tips(options.tips) {
+          tips(options.contact_points.empty() ? options.tips : static_cast<int>(options.contact_points.size())),
+          contact_points(options.contact_points) {
       for (std::int32_t i = 0; i < nodes.size(); ++i) rim += 0.25 * patches.round.spacing(i) / nodes.size();
       const bool moves = !options.modes.frequencies.empty();
       const std::size_t size = 3 * static_cast<std::size_t>(nodes.size());
@@ -86,9 +89,16 @@ class SignedDistanceBody : public DeformableObject {
 
   /// Advance by one period with a tip of any shape, centered at `center` [m].
   virtual const deformable::ContactResult& step(const deformable::TipGeometry& tip, const Vector3<>& center) noexcept {
-    const deformable::ContactResult& result = contact_.step(tip, center);
+    const std::vector<Vector3<>>& points = data_->contact_points;
+    if (points.empty()) {
+      contact_.step(tip, center);
+    } else {
+      for (std::size_t t = 0; t < points.size(); ++t) tool_[t] = {tip, center + points[t]};
+      contact_.step(tool_.data());
+      sum_of_tool_ = sum_tool();
+    }
     for (int k = 0; k < contact_.contact_count(); ++k) contact_nodes_[static_cast<std::size_t>(k)] = contact_.contact_node(k);
-    return result;
+    return last();
   }
 
   /// Advance by one period with all tips; see contact().last().
@@ -100,9 +110,15 @@ class SignedDistanceBody : public DeformableObject {
     return flat ? deformable::TipGeometry::cylinder(tip.radius, data_->rim, tip.outward) : deformable::TipGeometry::sphere(tip.radius);
   }
 
-  void reset() noexcept { contact_.reset(); }
+  void reset() noexcept {
+    contact_.reset();
+    sum_of_tool_ = {};
+  }
 
-  [[nodiscard]] const deformable::ContactResult& last() const noexcept override { return contact_.last(); }
+  /// Result of the last step: of the tip, or of the whole tool.
+  [[nodiscard]] const deformable::ContactResult& last() const noexcept override {
+    return data_->contact_points.empty() ? contact_.last() : sum_of_tool_;
+  }
   [[nodiscard]] const std::int32_t* contact_nodes() const noexcept override { return contact_nodes_.data(); }
   [[nodiscard]] Vector3<> node_force(int k) const noexcept override { return contact_.node_force(k); }
   [[nodiscard]] const deformable::SurfaceNodes& nodes() const noexcept { return data_->nodes; }
@@ -119,8 +135,42 @@ class SignedDistanceBody : public DeformableObject {
   [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override { return std::make_unique<SignedDistanceBody>(data_); }
 
  private:
+  static constexpr double same_side = 0.7;  // least |sum of normal forces| over the sum of their norms: within about 45 degrees
+
+  /// Sum the tips of a tool: one rigid body moves them all, so forces and moments add up.
+  [[nodiscard]] deformable::ContactResult sum_tool() const noexcept {
+    deformable::ContactResult sum;
+    sum.energy = contact_.last().energy;
+    sum.solved = contact_.last().solved;
+    Vector3<> pressed = Vector3<>::Zero();
+    double total = 0.0;
+    bool sticks = false;
+    for (std::size_t t = 0; t < data_->contact_points.size(); ++t) {
+      const deformable::ContactResult& one = contact_.last(static_cast<int>(t));
+      const Vector3<> normal = one.force - one.friction;
+      const double size = normal.norm();
+      sum.force += one.force;
+      sum.friction += one.friction;
+      sum.moment += one.moment + data_->contact_points[t].cross(one.force);
+      sum.deflection += size * one.deflection;
+      sum.nodes += one.nodes;
+      sum.touching = sum.touching || one.touching;
+      sum.lost = sum.lost || one.lost;
+      sum.sliding = sum.sliding || one.sliding;
+      sticks = sticks || (one.touching && !one.sliding);
+      pressed += normal;
+      total += size;
+    }
+    sum.deflection = total > 0.0 ? Vector3<>(sum.deflection / total) : Vector3<>::Zero();
+    sum.sliding = sum.sliding && !sticks;
+    sum.opposed = pressed.norm() < same_side * total;
+    return sum;
+  }
+
   std::shared_ptr<const Data> data_;
   deformable::SignedDistanceContact contact_;
+  std::array<deformable::SignedDistanceContact::PlacedTip, static_cast<std::size_t>(deformable::SignedDistanceContact::max_tips)> tool_{};
+  deformable::ContactResult sum_of_tool_;
   std::array<std::int32_t, static_cast<std::size_t>(deformable::SignedDistanceContact::capacity)> contact_nodes_{};
 };
 

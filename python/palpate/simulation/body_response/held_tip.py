@@ -37,6 +37,8 @@ class HeldTip:
         frame: axes of the contact in columns (3, 3): the normal, out of the body and against the force, and two
             across.
         friction: whether the body has dry friction.
+        holds_across: whether the contact may resist motions across its normal: by friction, or by several contact
+            points.
         ticks: number of ticks since the body was at rest and free.
     """
 
@@ -69,6 +71,7 @@ class HeldTip:
         self.core.reset()
         self.ticks = 0
         self.friction = body.kind.friction[0] > 0.0
+        self.holds_across = self.friction or len(choice.contact_points) > 1
         every_tick = self.friction or self.multirate or isinstance(self.core, _core.SignedDistanceBody)
         self._step(positions if every_tick else _thin(positions, choice.radius))
         self._position = positions[-1]

@@ -52,7 +52,8 @@ def body_boundaries(
     stiffness, loop = contact.static_stiffness, contact.loop
     choice = s.object.body
     assert choice is not None
-    across = len(loop.normal) > 1 and choice.options.get("static_friction", 0.0) > 0.0
+    holds_across = choice.options.get("static_friction", 0.0) > 0.0 or len(choice.contact_points) > 1
+    across = len(loop.normal) > 1 and holds_across
     if not across and len(loop.normal) > 1:
         loop = loop.along_normal(device_loop(s, trace, row, contact.normal, False).path)
     if not stiffness > 0.0:

@@ -13,11 +13,13 @@ struct ContactResult {
   Vector3<> force = Vector3<>::Zero();       ///< of the body on the tip, N
   Vector3<> deflection = Vector3<>::Zero();  ///< mean displacement of the contact nodes, weighted by their normal forces, m
   Vector3<> friction = Vector3<>::Zero();    ///< tangential part of `force`, N
+  Vector3<> moment = Vector3<>::Zero();      ///< of `force` about the tip's center, N*m; of contact by signed distance only
   double energy = 0.0;                       ///< of the body at the end of the tick, kinetic and elastic, J
   double tank_energy = 0.0;                  ///< level of the energy tank (PassiveModelSwitch), J
   int nodes = 0;                             ///< number of contact nodes
   bool sliding = false;                      ///< full sliding: dynamic friction
   bool lost = false;                         ///< tip inside the body without contact: it began there or was pushed through
+  bool opposed = false;                      ///< tips of a tool press against each other: no common normal or depth
   bool solved = true;                        ///< false: LCP iteration limit reached, or more nodes under the tip than its capacity
 };
 

@@ -398,6 +398,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       total[at(p.tip)] += size;
       ++result.nodes;
       result.friction -= p.traction;
+      result.moment -= lever(p, size).cross(p.force + p.traction);
       result.deflection += size * p.displacement;
       if (p.stiffness > 0.0) result.deflection += (size / p.stiffness) * p.force;
     }
@@ -407,6 +408,14 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       result.deflection = result.touching ? Vector3<>(result.deflection / total[at(t)]) : Vector3<>::Zero();
       near_.tip(t).deflection = result.deflection;
     }
+  }
+
+  /// Lever of a place's force about the center of its tip, m. `size` is the norm of the normal force, which passes through a sphere's
+  /// center.
+  [[nodiscard]] Vector3<> lever(const Place& p, double size) const noexcept {
+    const NearNodes::Tip& tip = near_.tip_of(p);
+    if (tip.shape.is_sphere()) return (tip.shape.radius / std::max(size, 1e-300)) * p.force;
+    return nodes_->point(p.node) + p.displacement - tip.center;
   }
 
   static constexpr double max_sunk = 0.3;  // of the radius: depth of the center below the nearest node's tangent plane

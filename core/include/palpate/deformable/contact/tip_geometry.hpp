@@ -30,6 +30,8 @@ struct TipGeometry {
     return {.shape = Shape::cylinder, .radius = radius, .rim = std::min(rim, radius), .axis = axis};
   }
 
+  [[nodiscard]] bool is_sphere() const noexcept { return shape == Shape::capsule && length == 0.0; }
+
   /// Depth of a point in the tip and its derivatives.
   template <class Scalar>
   struct Depth {

@@ -282,7 +282,7 @@ def test_tips_are_given_to_the_core_as_unit_axes_and_lengths(body: Body, monkeyp
             asked.append(given)
             return rows.copy()
 
-    monkeypatch.setattr(body, "_signed_distance_core", lambda count: asked.append(count) or Core())
+    monkeypatch.setattr(body, "_signed_distance_core", lambda count, tool: asked.append(count) or Core())
     paths = np.random.default_rng(1).normal(size=(4, 2, 3))
     with pytest.warns(BodyWarning, match="the forces of 2 of 8 steps are not converged to 2 %"):
         found = body.simulate_tips(paths, [5e-3, "2 mm"], segments=[[0.0, "3 mm", "4 mm"], ["0 mm"] * 3])

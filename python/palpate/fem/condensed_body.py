@@ -249,31 +249,41 @@ class CondensedBody:
             tips: 1 to 8 tips that move independently.
             tool: whether the contact points of the kind take the place of one tip.
         """
+        arguments = self._signed_distance_arguments()
+        if not tool:
+            arguments.pop("contact_points", None)
         static, dynamic = self.kind.friction
+        return _core.SignedDistanceBody(
+            *self._arrays(), **arguments, tips=tips, static_friction=static, dynamic_friction=dynamic
+        )
+
+    def _signed_distance_arguments(self) -> dict[str, Any]:
+        """Return the arguments of a core with contact by signed distance by name, without arrays and friction."""
         numbers = {name: value for name, value in self.kind.options.items() if isinstance(value, float | int)}
-        shapes, frequencies = np.empty((0, 0), dtype=np.float32), np.empty(0)
+        vertices, triangles, node, modulus = self._contact_patches()
+        arguments: dict[str, Any] = {
+            "vertices": vertices,
+            "triangles": triangles,
+            "node": node,
+            "modulus": modulus,
+            "poisson": self._recorded("poisson"),
+            "shapes": np.empty((0, 0), dtype=np.float32),
+            "frequencies": np.empty(0),
+            "period": numbers.get("period", 1e-3),
+            "rayleigh_alpha": numbers.get("rayleigh_alpha", 0.0),
+            "rayleigh_beta": numbers.get("rayleigh_beta", 0.0),
+            "instantaneous_ratio": numbers.get("instantaneous_ratio", 1.0),
+            "retardation_time": numbers.get("retardation_time", 1.0),
+            "sideways": numbers.get("sideways_fraction", 1.0),
+        }
         if self.kind.name == "modal":
             data = self.contents
             residual = data.residual_shapes.reshape(len(data.shapes), -1)
-            shapes = np.hstack([data.shapes, residual])
-            frequencies = np.concatenate([data.frequencies, data.residual_frequencies])
-        return _core.SignedDistanceBody(
-            *self._arrays(),
-            *self._contact_patches(),
-            self._recorded("poisson"),
-            shapes,
-            frequencies,
-            period=numbers.get("period", 1e-3),
-            rayleigh_alpha=numbers.get("rayleigh_alpha", 0.0),
-            rayleigh_beta=numbers.get("rayleigh_beta", 0.0),
-            instantaneous_ratio=numbers.get("instantaneous_ratio", 1.0),
-            retardation_time=numbers.get("retardation_time", 1.0),
-            sideways=numbers.get("sideways_fraction", 1.0),
-            tips=tips,
-            static_friction=static,
-            dynamic_friction=dynamic,
-            contact_points=np.array(self.kind.contact_points) if tool and self.kind.contact_points else None,
-        )
+            arguments["shapes"] = np.hstack([data.shapes, residual])
+            arguments["frequencies"] = np.concatenate([data.frequencies, data.residual_frequencies])
+        if self.kind.contact_points:
+            arguments["contact_points"] = np.array(self.kind.contact_points)
+        return arguments
 
     def _recorded(self, key: str) -> float:
         try:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate import _core
 from palpate.fem.body import Body
 
 Arrays = dict[str, NDArray[Any]]
@@ -16,7 +17,8 @@ class ModelData(NamedTuple):
     """Arguments of a body model of the core.
 
     Attributes:
-        model: "compliance", "modal", "standard_linear_solid", "mass_spring" or "hyperelastic".
+        model: "compliance", "modal", "standard_linear_solid", "mass_spring", "hyperelastic" or
+            "signed_distance".
         parameters: numbers of the model in SI, static and dynamic friction included; and the law of a hyperelastic one.
         arrays: by name; float64, float32, int32 or uint8.
     """
@@ -30,6 +32,8 @@ def model_data(body: Body) -> ModelData:
     """Return the data of a body's model."""
     if body.kind.name == "hyperelastic":
         return _hyperelastic_data(body)
+    if isinstance(body.core, _core.SignedDistanceBody):
+        return _signed_distance_data(body)
     points, normals, areas, compliance = body._arrays()
     options: dict[str, float | str] = {key: float(x) for key, x in body.kind.options.items() if not isinstance(x, str)}
     static, dynamic = (float(coefficient) for coefficient in body.kind.friction)
@@ -47,6 +51,19 @@ def model_data(body: Body) -> ModelData:
         return ModelData("standard_linear_solid", parameters | options, arrays)
     arrays |= {"frequencies": body.contents.frequencies, "shapes": body.contents.shapes}
     return ModelData("modal", parameters | options, arrays)
+
+
+def _signed_distance_data(body: Body) -> ModelData:
+    static, dynamic = (float(coefficient) for coefficient in body.kind.friction)
+    data = body._signed_distance_arguments()
+    data["sideways_fraction"], data["vertex_nodes"] = data.pop("sideways"), data.pop("node")
+    if len(data["frequencies"]) == 0:
+        del data["frequencies"], data["shapes"]
+    arrays: Arrays = dict(zip(("points", "normals", "areas", "compliance"), body._arrays(), strict=True))
+    arrays |= {name: value for name, value in data.items() if isinstance(value, np.ndarray)}
+    parameters: dict[str, float | str] = {"static_friction": static, "dynamic_friction": dynamic}
+    parameters |= {name: float(value) for name, value in data.items() if not isinstance(value, np.ndarray)}
+    return ModelData("signed_distance", parameters, arrays)
 
 
 def _hyperelastic_data(body: Body) -> ModelData:

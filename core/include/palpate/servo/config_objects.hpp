@@ -21,6 +21,7 @@
 #include "palpate/object/mesh_object.hpp"
 #include "palpate/object/moving_frame.hpp"
 #include "palpate/object/scene.hpp"
+#include "palpate/object/signed_distance_body.hpp"
 #include "palpate/object/spring_wall.hpp"
 #include "palpate/servo/config_force_objects.hpp"
 #include "palpate/servo/config_reader.hpp"
@@ -106,6 +107,13 @@ template <class Model>
                                                                   deformable::DryFriction friction) {
   const auto owner = std::make_shared<const OwningBody<Model>>(std::move(nodes), model, friction);
   return {owner, &owner->body};
+}
+
+[[nodiscard]] inline std::vector<double> read_frequencies(const Section& from) {
+  std::vector<double> out = from.blob<double>("frequencies", -1, 1);
+  const bool in_range = std::all_of(out.begin(), out.end(), [](double w) { return w > 1e-9 && w < 1e9; });
+  if (out.empty() || !in_range) from.fail("frequencies", "must hold at least one mode, and numbers from 1e-9 to 1e9 rad/s only");
+  return out;
 }
 
 [[nodiscard]] inline deformable::SpringNetworkData read_network(const Section& from) {
@@ -201,9 +209,50 @@ template <class Model>
 }
 #endif
 
+[[nodiscard]] inline deformable::ContactSurface read_contact_surface(ConfigReader& reader, const Section& from, std::int64_t nodes) {
+  deformable::ContactSurface out;
+  out.vertices = from.points("vertices");
+  out.triangles = read_indices<3>(from, "triangles", out.vertices.size());
+  out.node = from.blob<std::int32_t>("vertex_nodes", static_cast<std::int64_t>(out.vertices.size()), 1);
+  out.modulus = from.blob<double>("modulus", nodes, 1);
+  out.poisson = from.number("poisson", -1.0, 0.5);
+  if (!reader.ok()) return out;
+  if (std::any_of(out.node.begin(), out.node.end(), [&](std::int32_t node) { return node < -1 || node >= nodes; }))
+    from.fail("vertex_nodes", "must hold contact nodes, or -1");
+  if (std::any_of(out.modulus.begin(), out.modulus.end(), [](double modulus) { return !(modulus > 0.0 && modulus < 1e15); }))
+    from.fail("modulus", "must hold numbers from 0 to 1e15 Pa");
+  return out;
+}
+
+[[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_signed_distance(ConfigReader& reader, const Section& from,
+                                                                                          deformable::SurfaceNodes nodes, const float* full,
+                                                                                          deformable::DryFriction friction) {
+  const std::int64_t count = nodes.size();
+  object::SignedDistanceOptions options{.sideways = from.number("sideways_fraction", 0.0, 1.0), .friction = friction};
+  const deformable::ContactSurface surface = read_contact_surface(reader, from, count);
+  options.period = from.number("period", 1e-9, 1e3);
+  options.instantaneous_ratio = from.number("instantaneous_ratio", 1.0, 1e9);
+  options.retardation_time = from.number("retardation_time", 1e-9, 1e9);
+  std::vector<float> shapes;
+  if (from.has("frequencies")) {
+    options.modes.rayleigh_alpha = from.number("rayleigh_alpha", 0.0, 1e9);
+    options.modes.rayleigh_beta = from.number("rayleigh_beta", 0.0, 1e9);
+    options.modes.frequencies = read_frequencies(from);
+    shapes = from.blob<float>("shapes", 3 * count, static_cast<std::int64_t>(options.modes.frequencies.size()));
+    options.modes.shapes = shapes.data();
+  }
+  if (from.has("contact_points")) options.contact_points = from.points("contact_points");
+  if (options.contact_points.size() > static_cast<std::size_t>(deformable::SignedDistanceContact::max_tips))
+    from.fail("contact_points", "are at most " + std::to_string(deformable::SignedDistanceContact::max_tips));
+  if (!reader.ok()) return nullptr;
+  return std::make_shared<object::SignedDistanceBody>(
+      std::make_shared<const object::SignedDistanceBody::Data>(std::move(nodes), full, surface, options));
+}
+
 [[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_body(ConfigReader& reader, const Section& from) {
   using deformable::SurfaceNodes;
-  const std::vector<std::string> models = {"compliance", "modal", "standard_linear_solid", "mass_spring", "hyperelastic"};
+  const std::vector<std::string> models = {"compliance",  "modal",        "standard_linear_solid",
+                                           "mass_spring", "hyperelastic", "signed_distance"};
   const std::string model = models[from.choice("model", models)];
   const deformable::DryFriction friction = {from.number("static_friction", 0.0, 1e6), from.number("dynamic_friction", 0.0, 1e6)};
   if (model == "hyperelastic") return read_hyperelastic(reader, from, friction);
@@ -240,6 +289,10 @@ template <class Model>
   }
   const std::vector<float> full = from.blob<float>("compliance", 3 * count, 3 * count);
   const bool rough = friction.mu_static > 0.0;
+  if (model == "signed_distance") {
+    if (!reader.ok()) return nullptr;
+    return read_signed_distance(reader, from, std::move(nodes), full.data(), friction);
+  }
   if (model == "compliance") {
     if (!reader.ok()) return nullptr;
     const deformable::Compliance body(nodes, full.data(), rough);
@@ -253,11 +306,8 @@ template <class Model>
     return own(std::move(nodes), body, friction);
   }
   const double alpha = from.number("rayleigh_alpha", 0.0, 1e9), beta = from.number("rayleigh_beta", 0.0, 1e9);
-  const std::vector<double> frequencies = from.blob<double>("frequencies", -1, 1);
-  const auto modes = static_cast<std::int64_t>(frequencies.size());
-  const std::vector<float> shapes = from.blob<float>("shapes", 3 * count, modes);
-  const bool in_range = std::all_of(frequencies.begin(), frequencies.end(), [](double w) { return w > 1e-9 && w < 1e9; });
-  if (modes == 0 || !in_range) from.fail("frequencies", "must hold at least one mode, and numbers from 1e-9 to 1e9 rad/s only");
+  const std::vector<double> frequencies = read_frequencies(from);
+  const std::vector<float> shapes = from.blob<float>("shapes", 3 * count, static_cast<std::int64_t>(frequencies.size()));
   if (!reader.ok()) return nullptr;
   const deformable::Modal body(nodes, full.data(), shapes.data(), frequencies, period, alpha, beta, ratio, retardation, rough);
   return own(std::move(nodes), body, friction);

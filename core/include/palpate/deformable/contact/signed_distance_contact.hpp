@@ -398,7 +398,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       total[at(p.tip)] += size;
       ++result.nodes;
       result.friction -= p.traction;
-      result.moment -= lever(p, size).cross(p.force + p.traction);
+      if (friction_ || !near_.tip_of(p).shape.is_sphere()) result.moment -= lever(p, size).cross(p.force + p.traction);
       result.deflection += size * p.displacement;
       if (p.stiffness > 0.0) result.deflection += (size / p.stiffness) * p.force;
     }

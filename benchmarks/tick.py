@@ -136,7 +136,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
                 "loop": name,
                 "drawn": drawn,
                 "nodes": len(organ.points),
-                "pressed": int(np.median(pressed[:, -4])),
+                "pressed": int(np.median(pressed[:, -7])),
                 "ticks": len(seconds),
                 "median_us": 1e6 * float(np.median(seconds)),
                 "p99.9_us": 1e6 * float(np.quantile(seconds, 0.999)),

@@ -12,7 +12,7 @@ from palpate import fem
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.body_response import HeldTip, body_response, multirate_response, realization
-from palpate.simulation.body_response.held_tip import _frame
+from palpate.simulation.body_response.held_tip import contact_frame
 from palpate.simulation.body_response.realization import realize
 from palpate.simulation.body_response.response import _choose_step
 
@@ -95,7 +95,7 @@ def test_modes_answer_as_their_oscillators_under_a_held_force(block: Path) -> No
 
 def test_the_frame_of_a_contact_is_orthonormal_and_begins_with_the_normal() -> None:
     for normal in ([0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.6, 0.0, -0.8], [1.0, 2.0, 2.0]):
-        frame = _frame(np.array(normal))
+        frame = contact_frame(np.array(normal))
         np.testing.assert_allclose(frame.T @ frame, np.eye(3), atol=1e-15)
         np.testing.assert_allclose(frame[:, 0], np.array(normal) / np.linalg.norm(normal), atol=1e-15)
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from palpate.errors import StabilityError
 from palpate.simulation.body_response import realization, response
-from palpate.simulation.body_response.held_tip import _frame, _thin
+from palpate.simulation.body_response.held_tip import _thin, contact_frame
 from palpate.simulation.body_response.multirate import multirate_response
 from palpate.simulation.body_response.realization import _offsets, realize
 from palpate.simulation.body_response.response import _is_noise, _is_static, body_response
 
 T = 1e-3
-FRAME = _frame(np.array([1.0, -2.0, 2.0]))
+FRAME = contact_frame(np.array([1.0, -2.0, 2.0]))
 
 
 class Body:

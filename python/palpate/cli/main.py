@@ -20,6 +20,7 @@ from palpate.cli.resolve import resolve
 from palpate.cli.run import run
 from palpate.cli.stability import certify, workspace, zwidth
 from palpate.cli.sweep import merge, sweep
+from palpate.cli.together import together
 
 app = typer.Typer(
     name="palpate",
@@ -34,7 +35,9 @@ app = typer.Typer(
 )
 
 
-for function in (run, new, design, certify, zwidth, workspace, performance, sweep, merge, identify, devices, resolve):
+for function in (
+    run, together, new, design, certify, zwidth, workspace, performance, sweep, merge, identify, devices, resolve,
+):  # fmt: skip
     app.command()(one_sentence(function))
 
 bodies = typer.Typer(no_args_is_help=True, help="Deformable bodies: build one from a mesh, or describe one.")

@@ -33,7 +33,7 @@ from palpate.fem.model_spec import ModelSpec
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
 _TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
-NODES, _SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
+NODES, SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
 OVERLAPS_FIXED: Final = (
     "overlaps a fixed or held part of the surface, which does not push back, so its force is too small: press a radius "
     "away from it"
@@ -60,6 +60,14 @@ class ContactHistory(NamedTuple):
     nodes: Indices  # number of nodes in contact (m,)
     friction: Array  # tangential part of the force (m, 3), N
     lost: Flags  # whether the tip was inside the body without contact: it began there or was pushed through (m,)
+
+    @classmethod
+    def of(cls, rows: Array) -> Self:
+        """Return the rows (m, 15) of the core as a history; raise BodyError if the forces of one were not found."""
+        if not rows[:, SOLVED].all():
+            raise BodyError(_TOO_MANY_NODES)
+        nodes, lost = rows[:, NODES].astype(np.int64), rows[:, _LOST] > 0.0
+        return cls(rows[:, 0:3], rows[:, 3:6], rows[:, 6], nodes, rows[:, 10:13], lost)
 
 
 class IndentableBody(CondensedBody):
@@ -219,7 +227,7 @@ class IndentableBody(CondensedBody):
         def inverted() -> int:
             return count_inverted(self.contents.vertices, self.contents.tetrahedra, np.asarray(core.displacement()))
 
-        return _history(settle_at_depths(depths, settle, inverted)[None])
+        return ContactHistory.of(settle_at_depths(depths, settle, inverted)[None])
 
     def _settle(self, center: Array, size: float, normal: Array, tip: TipShape, period: float) -> ContactHistory:
         """Keep the tip at `center` until the force stays within 0.1 % for 50 ms; warn if it does not in 5 s."""
@@ -267,8 +275,8 @@ class IndentableBody(CondensedBody):
         if isinstance(self.core, _core.SignedDistanceBody):
             _warn_of_unsolved(rows)
         if isinstance(self.core, _core.HyperelasticBody):
-            check_found(rows[:, _SOLVED])
-        return _history(rows)
+            check_found(rows[:, SOLVED])
+        return ContactHistory.of(rows)
 
     def simulate_tips(
         self, paths: ArrayLike, radii: ArrayLike, *, segments: ArrayLike | None = None
@@ -309,7 +317,7 @@ class IndentableBody(CondensedBody):
         core = self._signed_distance_core(count, tool=False)
         rows = core.simulate_tips(centers, np.ascontiguousarray(axes), sizes, along, np.zeros(count))
         _warn_of_unsolved(rows.reshape(-1, rows.shape[2]))
-        return [_history(rows[:, tip]) for tip in range(count)]
+        return [ContactHistory.of(rows[:, tip]) for tip in range(count)]
 
     def pressure(self) -> Array:
         """Return the tip's pressure on each node's patch (n,), Pa, in the last tick.
@@ -377,7 +385,7 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array], inverted: Ca
                 else "nor is there one at a smaller depth"
             )
             raise BodyError(f"depth: at {1e3 * depth:.3g} mm {problem}; {until}: use a smaller depth or a larger tip")
-    if row[_SOLVED] == 0.0:
+    if row[SOLVED] == 0.0:
         raise BodyError(f"depth: at {1e3 * depth:.3g} mm {_TOO_MANY_NODES}")
     return row
 
@@ -428,8 +436,8 @@ def check_resolved(force: Array, normal: Array, count: int, error: float | None,
 
 def _warn_of_unsolved(rows: Array) -> None:
     """Warn of steps of a signed-distance body whose forces are not converged, and mark them as solved."""
-    unsolved = int(np.count_nonzero((rows[:, _SOLVED] == 0.0) & (rows[:, _LOST] == 0.0)))
-    rows[:, _SOLVED] = 1.0
+    unsolved = int(np.count_nonzero((rows[:, SOLVED] == 0.0) & (rows[:, _LOST] == 0.0)))
+    rows[:, SOLVED] = 1.0
     if unsolved:
         warnings.warn(
             f"the forces of {unsolved} of {len(rows)} steps are not converged to 2 %, or more than 256 nodes are near "
@@ -447,11 +455,3 @@ def check_found(solved: Array) -> None:
             "under the tip, it inverts tetrahedra of the body, or it moves too far between two model updates: use a "
             "smaller depth or tip, a coarser mesh, or smaller steps"
         )
-
-
-def _history(rows: Array) -> ContactHistory:
-    """Return the rows (m, 15) of the core as a history; raise BodyError if the forces of one were not found."""
-    if not rows[:, _SOLVED].all():
-        raise BodyError(_TOO_MANY_NODES)
-    nodes, lost = rows[:, NODES].astype(np.int64), rows[:, _LOST] > 0.0
-    return ContactHistory(rows[:, 0:3], rows[:, 3:6], rows[:, 6], nodes, rows[:, 10:13], lost)

@@ -2,6 +2,7 @@
 
 from palpate.contact.force_law import ForceLaw
 from palpate.simulation.environment import Environment
+from palpate.simulation.joint_run import JointRun, simulate_together
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.loop import Loop, Sample
 from palpate.simulation.loop_config import resolve
@@ -18,6 +19,7 @@ __all__ = [
     "Environment",
     "ForceLaw",
     "Frame",
+    "JointRun",
     "Loop",
     "Sample",
     "ScenarioLoop",
@@ -29,4 +31,5 @@ __all__ = [
     "resolve",
     "scenario_loop",
     "simulate",
+    "simulate_together",
 ]

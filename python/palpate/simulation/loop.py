@@ -88,6 +88,11 @@ class Loop:
         self._lateness = np.zeros(0)
 
     @property
+    def simulation(self) -> Simulation:
+        """The simulation that is stepped."""
+        return self._simulation
+
+    @property
     def scenario(self) -> Scenario:
         """The scenario that is run."""
         return self._simulation.scenario

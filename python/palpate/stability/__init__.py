@@ -17,6 +17,7 @@ from palpate.stability.criteria import (
     wall_polynomial,
 )
 from palpate.stability.force_law_verdict import ForceLawVerdict, certify_force_law
+from palpate.stability.joint import JointStability, joint_stability
 from palpate.stability.maps import (
     Boundary,
     StabilityInterval,
@@ -65,6 +66,7 @@ __all__ = [
     "EnergyObserver",
     "ForceLawVerdict",
     "ImpedanceCoupling",
+    "JointStability",
     "Jury",
     "Lyapunov",
     "MeasuredResponse",
@@ -90,6 +92,7 @@ __all__ = [
     "destabilizing_operator",
     "field_damping",
     "impedance_coupling",
+    "joint_stability",
     "jury",
     "llewellyn",
     "lyapunov",

@@ -151,7 +151,7 @@ def contact_at(
     across = held.holds_across or (scenario.operator.kind == "arm" and not along_normal)
     device = device_loop(scenario, trace, row, normal, across, controller)
     depth = -float(trace["deflection"][row] @ normal)
-    loop = _around(device, response)
+    loop = loop_around(device.path, device.directions, response)
     alone = loop
     if len(loop.normal) > 1 and not held.holds_across:
         alone = loop.along_normal(device_loop(scenario, trace, row, normal, False, controller).path)
@@ -199,10 +199,12 @@ def device_loop(
     )
 
 
-def _around(device: ScenarioLoop, response: BodyResponse | MultirateResponse) -> BodyLoop | MultirateLoop:
-    """Return the loop around a response, along the directions of the device's loop."""
-    path, n = device.path, response.frame.T @ device.directions  # directions in the axes of the contact (3, r)
-    whole = n.shape[1] == 3
+def loop_around(
+    path: control.StateSpace, directions: Array, response: BodyResponse | MultirateResponse
+) -> BodyLoop | MultirateLoop:
+    """Return the loop around a response, along the `directions` (3, r) of the device's path, or of several devices."""
+    n = response.frame.T @ directions  # directions in the axes of the contact (3, r)
+    whole = n.shape[0] == n.shape[1]
     axes, error = (n.T, response.error) if whole else (np.eye(n.shape[1]), np.abs(n).T @ response.error @ np.abs(n))
     if isinstance(response, MultirateResponse):
         local, correction = n.T @ response.local @ n, n.T @ response.correction @ n

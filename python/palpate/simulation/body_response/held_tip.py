@@ -15,12 +15,12 @@ from palpate.simulation.bodies import origin_of, scenario_body
 
 __all__ = ["HeldTip"]
 
-_BLOCK = 200  # ticks between two tests for rest, or two updates of a hyperelastic body
+BLOCK = 200  # ticks between two tests for rest, or two updates of a hyperelastic body
 _MAX_SETTLING = 6000  # ticks
 _MAX_UPDATES = 200  # of a hyperelastic body's model
 _DRIFT = 1e-9  # change of the force in a block, relative to the force, below which the body is at rest
 _STEADY = 4  # blocks without less change, after which it is noise or a vibration
-_FORCE, _NODES, _SOLVED = slice(0, 3), 7, 9  # columns of a row of the core
+_FORCE, NODES, SOLVED = slice(0, 3), 7, 9  # columns of a row of the core
 
 
 class HeldTip:
@@ -41,6 +41,8 @@ class HeldTip:
             points.
         ticks: number of ticks since the body was at rest and free.
     """
+
+    size = 3  # coordinates of the tip
 
     def __init__(self, scenario: Scenario, path: Array, *, equilibrium: bool = False) -> None:
         """Move the tip of a run along its path and hold it at the end until the force changes no less from then on.
@@ -77,8 +79,8 @@ class HeldTip:
         self._position = positions[-1]
         if equilibrium and isinstance(self.core, _core.HyperelasticBody):
             self._equilibrate(self.core)
-        self._settle(max(_BLOCK, 2 * self.every))
-        self.frame = _frame(-self.force)
+        self._settle(max(BLOCK, 2 * self.every))
+        self.frame = contact_frame(-self.force)
 
     @property
     def multirate(self) -> bool:
@@ -104,7 +106,7 @@ class HeldTip:
             displacements: of the tip, one period each (m, 3), m.
         """
         rows = self._step(self._position + displacements @ self._rotation)
-        return -rows[:, _FORCE] @ self._rotation.T, rows[:, _NODES].astype(np.int64)
+        return -rows[:, _FORCE] @ self._rotation.T, rows[:, NODES].astype(np.int64)
 
     def _equilibrate(self, core: _core.HyperelasticBody) -> None:
         force = self._step(self._position[None])[0, _FORCE]
@@ -117,7 +119,7 @@ class HeldTip:
 
     def _settle(self, block: int) -> None:
         least, since = np.inf, 0
-        still = np.zeros((block, 3))
+        still = np.zeros((block, self.size))
         for _ in range(max(_MAX_SETTLING // block, _STEADY)):
             forces, nodes = self.move(still)
             self.force, self.nodes = forces[-1], int(nodes[-1])
@@ -132,7 +134,7 @@ class HeldTip:
     def _step(self, positions: Array) -> Array:
         axes = np.tile([0.0, 0.0, 1.0], (len(positions), 1)) if self._flat else np.empty((0, 3))
         rows = self.core.simulate_path(np.ascontiguousarray(positions), axes, self.radius, self._flat)
-        if not np.asarray(rows)[:, _SOLVED].all():
+        if not np.asarray(rows)[:, SOLVED].all():
             raise StabilityError(
                 "the contact of the body is not solved in each tick, or too many nodes lie under the tip; use a "
                 "smaller tip or depth, or a coarser mesh"
@@ -141,7 +143,7 @@ class HeldTip:
         return np.asarray(rows, dtype=float)
 
 
-def _frame(normal: Array) -> Array:
+def contact_frame(normal: Array) -> Array:
     """Return three orthonormal axes in columns (3, 3), the first along a vector (3,)."""
     axes = np.column_stack([normal, np.eye(3)])
     basis = np.linalg.qr(axes)[0]

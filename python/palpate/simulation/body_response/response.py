@@ -27,13 +27,14 @@ _WINDOW = 16  # ticks over which the level of the noise is compared
 class BodyResponse:
     """Force on a body per displacement of the tip, about one state of rest, contact nodes and slip unchanged.
 
-    Matrices are in the axes of the contact: the first is the normal.
+    Matrices are in the axes of the contact: the first is the normal. Here r is 3, or 3 for each of several tips
+    (`HeldTips`), whose axes follow each other.
 
     Attributes:
-        frame: axes of the contact in columns (3, 3), device frame.
-        system: sampled, displacement of the tip (3,), m, to the force on the body (3,), N.
-        markov: impulse response as measured (n, 3, 3), N/m.
-        error: bound of the gain of what `system` leaves out, by entry (3, 3), N/m: realization, tail and asymmetry of
+        frame: axes of the contact in columns (r, r), device frame.
+        system: sampled, displacement of the tip (r,), m, to the force on the body (r,), N.
+        markov: impulse response as measured (n, r, r), N/m.
+        error: bound of the gain of what `system` leaves out, by entry (r, r), N/m: realization, tail and asymmetry of
             the record.
         asymmetry: difference of the answers to opposite displacements, relative.
         nodes: number of nodes in contact.
@@ -48,14 +49,22 @@ class BodyResponse:
 
     @property
     def one_tick(self) -> Array:
-        """Change of the force within the tick of a displacement (3, 3), N/m; includes the body's inertia."""
+        """Change of the force within the tick of a displacement (r, r), N/m; includes the body's inertia."""
         return np.asarray(self.system.D, dtype=float)
 
     @property
     def static(self) -> Array:
-        """Change of the force under a lasting displacement (3, 3), N/m."""
+        """Change of the force under a lasting displacement (r, r), N/m."""
         s = self.system
         return np.asarray(s.D + s.C @ np.linalg.solve(np.eye(s.nstates) - s.A, s.B), dtype=float)
+
+    def of_tip(self, tip: int, nodes: int) -> BodyResponse:
+        """Return the response to one of several tips with the others held, `nodes` of the contact its own."""
+        at, s = slice(3 * tip, 3 * tip + 3), self.system
+        system = control.StateSpace(s.A, s.B[:, at], s.C[at], s.D[at, at], s.dt)
+        return BodyResponse(
+            self.frame[at, at], system, self.markov[:, at, at], self.error[at, at], self.asymmetry, nodes
+        )
 
 
 def body_response(held: HeldTip) -> BodyResponse:
@@ -66,7 +75,7 @@ def body_response(held: HeldTip) -> BodyResponse:
     of a flat end are all in the record.
 
     Args:
-        held: the body and its tip; not a body that is updated outside the tick.
+        held: the body and its tip, or tips; not a body that is updated outside the tick.
 
     Raises:
         StabilityError: the response does not decay while the tip is held.
@@ -74,7 +83,7 @@ def body_response(held: HeldTip) -> BodyResponse:
     step = _choose_step(held)
     if held.memoryless and _is_static(*_impulses(held, step, 16)):
         forth, back = (part[:1] for part in _impulses(held, step, 2))
-        tail = np.zeros((3, 3))
+        tail = np.zeros_like(held.frame)
     else:
         forth, back, tail = _record(held, step)
     mean, difference = 0.5 * (forth + back), 0.5 * (forth - back)
@@ -98,11 +107,12 @@ def _choose_step(held: HeldTip) -> float:
 
 
 def _impulses(held: HeldTip, step: float, ticks: int) -> tuple[Array, Array]:
-    """Return the responses (ticks, 3, 3), N/m, to displacements of one tick forth and back along each axis."""
-    answers = np.empty((2, ticks, 3, 3))
-    still = np.zeros((ticks, 3))
+    """Return the responses (ticks, r, r), N/m, to displacements of one tick forth and back along each axis."""
+    size = len(held.frame)
+    answers = np.empty((2, ticks, size, size))
+    still = np.zeros((ticks, size))
     before = held.move(still[:1])[0][-1]
-    for axis in range(3):
+    for axis in range(size):
         for row, sign in enumerate((1.0, -1.0)):
             moved = still.copy()
             moved[0] = sign * step * held.frame[:, axis]
@@ -117,7 +127,7 @@ def _is_static(forth: Array, back: Array) -> bool:
 
 
 def _record(held: HeldTip, step: float) -> tuple[Array, Array, Array]:
-    """Return responses forth and back until they have decayed, and the gain of the noise cut off (3, 3), N/m.
+    """Return responses forth and back until they have decayed, and the gain of the noise cut off (r, r), N/m.
 
     A level that stays, of single precision or of the friction's iterations, ends the record where it begins.
     """
@@ -129,7 +139,7 @@ def _record(held: HeldTip, step: float) -> tuple[Array, Array, Array]:
         third, last = (float(part.sum()) for part in np.split(size, 4)[2:])
         share = last / float(size.sum())
         if share <= _DECAYED:
-            return forth, back, np.zeros((3, 3))
+            return forth, back, np.zeros_like(mean[0])
         if share <= _NOISE and _is_noise(mean[-ticks // 4 :], third, held.rounds):
             level = float(np.median(size[-ticks // 4 :]))
             above = np.convolve(size, np.ones(_WINDOW) / _WINDOW, "valid") > 2.0 * level
@@ -139,7 +149,7 @@ def _record(held: HeldTip, step: float) -> tuple[Array, Array, Array]:
             break
         ticks *= 2
     if last < 0.9 * third:
-        return forth, back, np.zeros((3, 3))
+        return forth, back, np.zeros_like(mean[0])
     remedy = "give the body more damping (rayleigh_beta)"
     if held.friction and isinstance(held.core, _core.SignedDistanceBody):
         remedy = "its friction keeps a share of each displacement; judge the loop without friction, or its run"
@@ -149,7 +159,7 @@ def _record(held: HeldTip, step: float) -> tuple[Array, Array, Array]:
 
 
 def _is_noise(quarter: Array, before: float, rounds: bool) -> bool:
-    """Return whether the last quarter of a response (k, 3, 3) has random signs, or is a constant left by rounding.
+    """Return whether the last quarter of a response (k, r, r) has random signs, or is a constant left by rounding.
 
     Args:
         quarter: N/m.

@@ -1,0 +1,75 @@
+"""`palpate together`: the joint verdict, its exit code, and what it writes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from palpate.cli.main import app
+from palpate.simulation import Trace
+from typer.testing import CliRunner
+
+SCENARIO = """
+[device]
+name = "phantom-premium-1.5a"
+
+[start]
+pose = ["0 rad", "2.2305 rad", "3.2776 rad"]
+
+[servo]
+period = "1 ms"
+
+[reference]
+shape = "ramp"
+rise = "50 ms"
+force = ["0 N", "0 N", "-0.4 N"]
+
+[operator]
+kind = "arm"
+mass = "0.15 kg"
+damping = "4.5 N*s/m"
+stiffness = "200 N/m"
+
+[object]
+kind = "body"
+position = ["{x} mm", "0 mm", "{z} mm"]
+
+[object.body]
+shape = "block"
+size = ["48 mm", "32 mm", "16 mm"]
+young = "10 kPa"
+spacing = "8 mm"
+kind = "signed_distance"
+radius = "6 mm"
+
+[run]
+duration = "0.8 s"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for name, x, z in (("left", -8, -6.2), ("right", 8, -6.2), ("away", 8, -60)):
+        (tmp_path / f"{name}.toml").write_text(SCENARIO.format(x=x, z=z))
+    return tmp_path
+
+
+def test_two_devices_are_run_and_judged_together(folder: Path) -> None:
+    done = CliRunner().invoke(app, ["together", "left.toml", "right.toml"])
+    assert done.exit_code == 0, done.output
+    assert done.output.strip().startswith("Stable: all devices together")
+    assert "device 2, the others held still" in done.output
+    results = folder / "results" / "left-and-right"
+    assert sorted(path.name for path in results.iterdir()) == [
+        "device-1.h5", "device-1.html", "device-2.h5", "device-2.html",
+    ]  # fmt: skip
+    assert Trace.load(results / "device-2.h5").verdict.settled
+
+
+def test_a_device_off_the_body_leaves_the_joint_verdict_undecided(folder: Path) -> None:
+    done = CliRunner().invoke(app, ["together", "left.toml", "away.toml", "--out", "there"])
+    assert done.exit_code == 1
+    assert "Undecided: the tip of device 2 does not touch the body" in done.output
+    assert (folder / "there" / "device-1.h5").is_file()

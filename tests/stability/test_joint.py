@@ -1,0 +1,156 @@
+"""Several devices on one body: their run, the response of the body to all tips, and the loops that it couples."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import fem, simulate
+from palpate.errors import ScenarioError, StabilityError
+from palpate.scenario import Scenario
+from palpate.simulation.body_response import HeldTip, HeldTips, body_response
+from palpate.simulation.joint_run import simulate_together
+from palpate.simulation.shared_body import SharedBody
+from palpate.simulation.verdict import State
+from palpate.stability.joint import joint_stability
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """48 x 32 x 16 mm of 10 kPa, bonded below, touched on its top."""
+    path = tmp_path_factory.mktemp("body") / "block.h5"
+    shape = fem.block((0.048, 0.032, 0.016), 0.004)
+    fem.build(shape, young=10e3, fixed="z < 0.001 mm", touch="z > 15.9 mm", output=path)
+    return path
+
+
+def device(block: Path, x: float, press: float = 2.0, **body: Any) -> dict[str, Any]:
+    """A device that presses the top of the block at x mm along it."""
+    place = {"file": str(block), "kind": "signed_distance", "radius": "6 mm", "origin": [f"{x} mm", "16 mm", "16 mm"]}
+    return {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms"},
+        "reference": {"shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", f"{-press} N"]},
+        "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"},
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-6.2 mm"], "body": {**place, **body}},
+        "run": {"duration": "0.8 s"},
+    }
+
+
+def off(tables: dict[str, Any]) -> dict[str, Any]:
+    """The same device far above the body."""
+    return {**tables, "object": {**tables["object"], "position": ["0 mm", "0 mm", "-60 mm"]}}
+
+
+@pytest.mark.parametrize("options", [{}, {"static_friction": 0.5}])
+def test_a_device_beside_one_that_touches_nothing_runs_as_alone(block: Path, options: dict[str, Any]) -> None:
+    own = device(block, 20.0, stiffness_scale=20.0, **options)
+    alone = simulate(Scenario.from_dict(own))
+    joint = simulate_together([own, off(device(block, 30.0, stiffness_scale=20.0, **options))])
+    for channel in ("tip", "object_force", "command_force", "torque", "deflection"):
+        np.testing.assert_allclose(joint.traces[0][channel], alone[channel], rtol=1e-5, atol=5e-6)
+    assert alone["touching"][-1, 0] > 0.0
+    assert not joint.traces[1]["touching"].any()
+
+
+def test_the_order_of_the_devices_does_not_matter(block: Path) -> None:
+    first, second = device(block, 18.0, 0.5), device(block, 28.0, 0.3)
+    one, other = simulate_together([first, second]), simulate_together([second, first])
+    for a, b in zip(one.traces, other.traces[::-1], strict=True):
+        np.testing.assert_allclose(a["tip"], b["tip"], atol=1e-7)
+        np.testing.assert_allclose(a["object_force"], b["object_force"], atol=2e-4)
+
+
+def test_encoders_and_delay_reach_the_shared_body(block: Path) -> None:
+    """The body is met where the servo reads the tip, whose counts are a hundred times coarser than the tolerance."""
+    own = {**device(block, 20.0, stiffness_scale=20.0), "device": {"name": "phantom-premium-1.5a", "encoder": True}}
+    own["device"]["delay"] = 1
+    alone = simulate(Scenario.from_dict(own))
+    joint = simulate_together([own, off(own)])
+    np.testing.assert_allclose(joint.traces[0]["object_force"], alone["object_force"], rtol=1e-5, atol=1e-8)
+
+
+def tips_of(traces: Any) -> np.ndarray:
+    return np.stack([trace["tip"] for trace in traces], axis=1)
+
+
+def test_the_response_of_one_tip_to_another_is_mutual(block: Path) -> None:
+    """Betti (1872): without friction the stiffness between two tips is symmetric, in a frame of one's own each."""
+    turned = device(block, 28.0, 0.5, rotation=["0 deg", "0 deg", "50 deg"])
+    scenarios = [Scenario.from_dict(one) for one in (device(block, 18.0, 0.5), turned)]
+    run = simulate_together(scenarios)
+    held = HeldTips(SharedBody(scenarios), tips_of(run.traces))
+    found = body_response(held)
+    stiffness = found.frame @ found.static @ found.frame.T
+    assert stiffness.shape == (6, 6)
+    assert np.abs(stiffness[:3, 3:]).max() > 0.02 * np.abs(stiffness).max()
+    np.testing.assert_allclose(stiffness[:3, 3:], stiffness[3:, :3].T, atol=2e-3 * np.abs(stiffness).max())
+
+
+def test_with_the_others_off_the_body_a_tip_has_its_own_response(block: Path) -> None:
+    """A second tip of the tool's size 25 mm away changes the stiffness by the little that it couples."""
+    scenarios = [Scenario.from_dict(device(block, x, 0.5, stiffness_scale=10.0)) for x in (10.0, 38.0)]
+    run = simulate_together(scenarios)
+    held = HeldTips(SharedBody(scenarios), tips_of(run.traces))
+    found = body_response(held).of_tip(0, 1)
+    tip = run.traces[0]["tip"]
+    alone = body_response(HeldTip(scenarios[0], tip - tip[0]))
+    np.testing.assert_allclose(found.static[0, 0], alone.static[0, 0], rtol=0.03)
+    np.testing.assert_allclose(found.frame[:, 0], alone.frame[:, 0], atol=0.02)
+
+
+def test_two_devices_oscillate_on_a_body_on_which_each_rests_alone(block: Path) -> None:
+    """The body couples the loops: the joint margin is smaller than that of each, and the runs show it."""
+
+    def pair(scale: float) -> list[dict[str, Any]]:
+        rough = {"static_friction": 0.6, "stiffness_scale": scale, "radius": "9 mm"}
+        found = [device(block, x, **rough) for x in (21.0, 27.0)]
+        return [
+            {**one, "object": {**one["object"], "position": ["0 mm", "0 mm", "-9.2 mm"]}, "run": {"duration": "1.5 s"}}
+            for one in found
+        ]
+
+    soft = joint_stability(pair(100.0))
+    assert soft.state is State.STABLE, str(soft)
+    assert soft.together.stiffness_margin < 0.95 * min(one.stiffness_margin for one in soft.each)
+    stiff = pair(150.0)
+    assert all(simulate(Scenario.from_dict(one)).verdict.settled for one in stiff)
+    found = joint_stability(stiff)
+    assert found.state is State.UNSTABLE, str(found)
+    assert found.together.radius > 1.0
+
+
+def test_a_joint_verdict_that_the_run_contradicts_is_undecided(block: Path) -> None:
+    pair = [device(block, 18.0, 0.5), device(block, 28.0, 0.5)]
+    short = [{**one, "run": {"duration": "0.06 s"}} for one in pair]
+    found = joint_stability(short)
+    assert found.together.state is State.STABLE
+    assert not found.run.settled
+    assert found.state is State.UNDECIDED
+    assert "Undecided" in str(found)
+
+
+def test_a_tip_off_the_body_has_no_joint_loop(block: Path) -> None:
+    with pytest.raises(StabilityError, match="device 2 does not touch the body"):
+        joint_stability([device(block, 18.0, 0.5), off(device(block, 28.0))])
+
+
+def test_devices_that_cannot_share_a_body_are_refused(block: Path) -> None:
+    own = device(block, 20.0)
+    two = device(block, 28.0)
+    cases: list[tuple[list[dict[str, Any]], str]] = [
+        ([own], "1 scenarios; 2 to 8 devices share a body"),
+        ([own, {**two, "servo": {"period": "0.5 ms"}}], "one period, 1 ms"),
+        ([own, device(block, 28.0, stiffness_scale=2.0)], "stiffness_scale: differs"),
+        ([own, {**two, "object": {"kind": "spring", "stiffness": "1 N/mm"}}], 'write kind = "body"'),
+        ([own, device(block, 28.0, kind="compliance")], "contact by signed distance"),
+        ([own, device(block, 28.0, tip="flat")], "takes spheres"),
+        ([own, device(block, 28.0, contact_points=[["0 mm"] * 3, ["9 mm"] * 3])], "each device has one tip"),
+        ([own, {**two, "servo": {"period": "1 ms", "jitter": "0.1 ms"}}], "sampled together"),
+    ]
+    for scenarios, text in cases:
+        with pytest.raises(ScenarioError, match=text):
+            simulate_together(scenarios)

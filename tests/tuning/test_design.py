@@ -224,7 +224,7 @@ def test_a_weaker_force_on_the_stiffest_object_is_the_remedy_where_nothing_less_
 @pytest.mark.parametrize(("hold", "told"), [(0.25, True), (0.0, False), (np.inf, False)])
 def test_a_press_that_never_settles_says_how_long_the_motors_hold_it(hold: float, told: bool) -> None:
     asked = specify("slider", "1 N/mm", "0.5 N", "40 ms", None, 0, None, None, (), ())
-    trial: Any = SimpleNamespace(specification=asked, hold=lambda _force: hold, settles=lambda _force, _k: False)
+    trial: Any = SimpleNamespace(specification=asked, hold=lambda _force, _k: hold, settles=lambda _force, _k: False)
     axis: Any = SimpleNamespace(settling=0.01)
     worst: Any = SimpleNamespace(bound=0.05)
     found = _Designer(asked, lambda _text, _share: None)._judged(axis, trial, {1000.0: np.inf}, worst)
@@ -266,7 +266,7 @@ def test_the_binding_constraint_is_that_which_is_missed_first(
         monkeypatch.setattr(f"palpate.tuning.designer.{name}", lambda *given, n=name: (asked.append(given[-1]), n)[1:])
     settling = {100.0: soft, 316.0: slow, 1000.0: 0.01}
     tuned, worst = SimpleNamespace(settling=axis, limit="its limit", reason="a reason"), SimpleNamespace(bound=bound)
-    trial = SimpleNamespace(hold=lambda _force: np.inf)
+    trial = SimpleNamespace(hold=lambda _force, _k: np.inf)
     found = designer._judged(tuned, trial, settling, worst)
     assert found[0] == constraint
     assert says in found[1]

@@ -86,6 +86,18 @@ def test_the_hold_time_is_that_at_which_a_simulated_drive_loses_the_force() -> N
     assert lost == pytest.approx(wanted, rel=0.1)
 
 
+@pytest.mark.parametrize(("stiffness", "loss"), [(100.0, 3.088), (258.0, 3.562)])
+def test_cold_motors_hold_a_soft_target_at_least_as_long_as_stated(stiffness: float, loss: float) -> None:
+    """At the pose of the target the motors carry more than at the start, and the press has warmed them."""
+    pose, along, force = np.array([-0.222, 2.812, 2.198]), np.array([-0.976, 0.0, -0.22]), 2.366
+    stated = hold_time(ARM, pose, along, force, stiffness)
+    assert 0.7 * loss < stated < loss < hold_time(ARM, pose, along, force)
+    tables = press_tables(Press(pose, along, 0.0), ARM.name, force, stiffness, 1e-3, 0, 1.2 * loss)
+    trace = palpate.simulate(tables | {"controller": {"kind": "workspace"}})
+    short = np.linalg.norm(trace["deflection"] * stiffness / force - along / np.linalg.norm(along), axis=1) > 0.05
+    assert trace.time[200 + int(np.argmax(short[200:]))] == pytest.approx(loss, rel=0.03)
+
+
 def test_the_continuous_force_is_held_for_ever_and_more_than_the_peak_not_at_all() -> None:
     device = mass(0.1, peak_force=8.0, continuous_force=2.0, thermal_time=5.0)
     assert hold_time(device, np.zeros(3), [0, 0, 1], 2.0) == np.inf

@@ -36,12 +36,12 @@ def test_a_trial_lasts_as_long_as_it_needs_and_the_motors_hold_the_force(
     settle: float, bound: float, hold: float, duration: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Any] = []
-    monkeypatch.setattr(remedies, "hold_time", lambda _device, pose, _along, _force: hold + pose)
+    monkeypatch.setattr(remedies, "hold_time", lambda _device, pose, _along, _force, _stiffness: hold + pose)
     monkeypatch.setattr(remedies, "run_presses", lambda *given: seen.append(given) or "settled")
     presses: Any = [SimpleNamespace(pose=pose, direction=None) for pose in (0.5, 0.0, 1.0)]
     for name in (None, "other"):
         trial = Trial(asked(settle=settle), "the controller", np.zeros((1, 1)), presses, bound, name)  # type: ignore[arg-type]
-        assert trial.hold(2.0) == hold
+        assert trial.hold(2.0, 100.0) == hold
         found = trial.run(2.0, 500.0)
         if duration is None:
             assert seen == []

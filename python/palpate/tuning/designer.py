@@ -161,9 +161,7 @@ class _Designer:
             constraint, reason = OPERATOR, f"The whole arm is {lost}."
         if not constraint and overshoot > MOST_OVERSHOOT:
             constraint, reason = OVERSHOOT, f"The slowest reference model tried overshoots by {100 * overshoot:.3g} %."
-        return self._result(
-            controller, axis, share, constraint, reason, remedies, worst, settling, overshoot, trial.presses
-        )
+        return self._result(controller, axis, share, constraint, reason, remedies, worst, settling, overshoot, presses)
 
     def _judged(
         self, axis: AxisDesign, trial: Trial, settling: dict[float, float], worst: Press
@@ -188,7 +186,7 @@ class _Designer:
             )
         else:
             reason = f"The motors need at least {1e3 * worst.bound:.3g} ms at the worst pose on {s.stiffness[0]:g} N/m"
-        slowest, hold = max(settling.values()), trial.hold(s.force)
+        slowest, hold = max(settling.values()), trial.hold(s.force, s.stiffness[0])
         reached = "does not settle" if np.isinf(slowest) else f"needs {1e3 * slowest:.3g} ms"
         if np.isinf(slowest) and 0.0 < hold < np.inf:
             reason += f", and cold motors hold the force for {hold:.3g} s"
@@ -266,7 +264,7 @@ class _Designer:
         own = [p for p in draw_presses(s.device, s.start[None], s.force, stiffness) if np.isfinite(p.bound)]
         press = max(own, key=lambda p: p.bound) if own else presses[0]
         press = replace(press, direction=np.round(press.direction, 3) + 0.0)  # reads well; no -0.0
-        held = 0.9 * hold_time(s.device, press.pose, press.direction, s.force)
+        held = 0.9 * hold_time(s.device, press.pose, press.direction, s.force, stiffness)
         duration = float(f"{min(max(0.2, 10.0 * s.settle), held):.2g}")
         tables = press_tables(press, s.name, s.force, stiffness, s.period, s.delay, duration)
         units = {"bandwidth": " rad/s", "reference": " rad/s"}
@@ -276,6 +274,11 @@ class _Designer:
         }
         title = f"{s.force:g} N on {stiffness:g} N/m, designed for {s.objects}"
         return Scenario.from_dict({"title": title, **tables, "controller": {"kind": "workspace", **options}})
+
+    def _hold(self, presses: Sequence[Press]) -> float:
+        """Return the time for which cold motors hold the force at every press, on every object of the range."""
+        device, force, softest = self.s.device, self.s.force, self.s.stiffness[0]
+        return min((hold_time(device, p.pose, p.direction, force, softest) for p in presses), default=float("nan"))
 
     def _result(
         self,
@@ -302,7 +305,7 @@ class _Designer:
             float("nan") if worst is None else worst.bound,
             None if worst is None else worst.pose,
             None if worst is None else worst.direction,
-            min((hold_time(self.s.device, p.pose, p.direction, self.s.force) for p in presses), default=float("nan")),
+            self._hold(presses),
             share,
             settling or {},
             overshoot,

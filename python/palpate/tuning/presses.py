@@ -105,23 +105,52 @@ def drive_bound(device: Device, pose: ArrayLike, direction: ArrayLike, force: fl
     return float(speed / go + speed / brake - np.sqrt(0.2 * way / brake))
 
 
-def hold_time(device: Device, pose: ArrayLike, direction: ArrayLike, force: float) -> float:
+def hold_time(device: Device, pose: ArrayLike, direction: ArrayLike, force: float, stiffness: float = np.inf) -> float:
     """Return the time for which cold motors hold a force at the tip, s; inf if it is at most the continuous force.
 
     The temperature of the windings follows (F/F_c)^2 with the thermal time; over its last tenth the limit falls from
-    the peak to the continuous force. The motors carry the weight as well.
+    the peak to the continuous force. The motors carry the weight as well. The pose on the way counts at which they
+    carry most. Until the least time of `drive_bound` they have given their peak force.
+
+    Args:
+        device: with one to three joints.
+        pose: at which the press begins (dof,), rad or m.
+        direction: of the force, (3,).
+        force: N.
+        stiffness: of the spring, N/m; inf: the tip stays where it is.
+
+    Raises:
+        PoseError: the target is beyond the device's reach.
     """
     q = np.asarray(pose, dtype=float)
     along = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
-    held = float(np.linalg.norm(static_tip_force(device.jacobian(q), device.gravity(q)) - force * along))
     rating, peak = device.continuous_force, device.peak_force
+    if np.isinf(rating):
+        return float("inf")
+    held = max(
+        float(np.linalg.norm(static_tip_force(device.jacobian(at), device.gravity(at)) - force * along))
+        for at in _way(device, q, along * force / stiffness)
+    )
     if held <= rating:
         return float("inf")
+    thermal_time = device.parameters.one("drive.thermal_time", 1.0)
+    bound = 0.0 if np.isinf(stiffness) or np.isinf(peak) else drive_bound(device, q, along, force, stiffness)
+    warm = -((peak / rating) ** 2) * np.expm1(-bound / thermal_time) if 0.0 < bound < np.inf else 0.0
     fading = 0.1 * (held - rating) / (peak - rating) if np.isfinite(peak) else 0.0
-    warm = (1.0 - fading) / (held / rating) ** 2
-    if held > peak or warm <= 0.0:
+    left, steady = 1.0 - fading - warm, (held / rating) ** 2 - warm
+    if held > peak or left <= 0.0:
         return 0.0
-    return float(-device.parameters.one("drive.thermal_time", 1.0) * np.log1p(-warm))
+    return float(-thermal_time * np.log1p(-left / steady))
+
+
+def _way(device: Device, pose: Array, way: Array) -> list[Array]:
+    """Return poses along a way of the tip (3,), m, from a pose on; the pose alone without a way."""
+    found = [pose]
+    if way.any():
+        tip = device.forward(pose)
+        for share in np.linspace(0.0, 1.0, 5)[1:]:
+            found.append(device.inverse(tip + share * way, found[-1]))
+    return found
 
 
 def draw_poses(device: Device, start: Array, count: int, seed: int = 1) -> Array:

@@ -57,15 +57,16 @@ class Trial:
         """Return how the presses settle while the motors can hold the force; none settles if that is too short."""
         s = self.specification
         least = 4.0 * self.bound if np.isfinite(self.bound) else 0.0
-        duration = min(LONGEST, max(0.1, 4.0 * s.settle, least), 0.9 * self.hold(force))
+        duration = min(LONGEST, max(0.1, 4.0 * s.settle, least), 0.9 * self.hold(force, stiffness))
         if duration < 1.25 * s.settle:
             return Settled(np.full(len(self.presses), np.inf), np.zeros(len(self.presses)))
         name = s.name if self.name is None else self.name
         return run_presses(self.controller, name, self.presses, force, stiffness, duration, s.delay)
 
-    def hold(self, force: float) -> float:
-        """Return the time for which the motors hold a force at every press, s."""
-        return min(hold_time(self.specification.device, p.pose, p.direction, force) for p in self.presses)
+    def hold(self, force: float, stiffness: float) -> float:
+        """Return the time for which the motors hold a force on a spring at every press, s."""
+        device = self.specification.device
+        return min(hold_time(device, p.pose, p.direction, force, stiffness) for p in self.presses)
 
     def settles(self, force: float, stiffness: float) -> bool:
         """Return whether a design for this force and stiffness has presses enough, and all of them settle in time."""

@@ -419,6 +419,23 @@ def test_a_fast_linear_loop_does_not_explain_a_tip_that_slides_on(before: float,
     assert State(int(found[0])) is state
 
 
+@pytest.mark.parametrize("late", [1e-8, 2.25e-7])
+@pytest.mark.parametrize("resolution", [0.0, 1.1e-4])
+def test_a_linear_loop_that_decays_faster_does_not_settle_a_tip_that_counts_move_on(
+    late: float, resolution: float
+) -> None:
+    """The evidence of a run on a body with friction, whose tip moves on by two deflections."""
+    found = decide(
+        Evidence.of(
+            1, unstable_from=np.nan, early=2.58e-7, prior=2.34e-7, late=late, ripple=1.33e-4, ripple_before=2.53e-4,
+            swing=2e-5, swing_before=2.9e-5, shift=2.29e-4, shift_ratio=0.574, deflection=1.17e-3, linear=1,
+            decay=0.135, resolution=resolution, local=True, lossy=True,
+        )
+    )  # fmt: skip
+    slips = resolution > 0.0 and late > 1e-7
+    assert State(int(found[0])) is (State.UNDECIDED if slips else State.SETTLED)
+
+
 def test_the_loop_in_contact_does_not_judge_a_tip_that_never_touches_its_wall() -> None:
     wall = {"kind": "wall", "normal": [1, 0, 0], "stiffness": "50 N/mm", "position": ["-5 mm", "0 mm", "0 mm"]}
     hand = {"kind": "arm", "mass": "0.3 kg", "damping": "10 N*s/m", "stiffness": "200 N/m"}

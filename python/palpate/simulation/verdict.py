@@ -338,7 +338,9 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     swings = bounces | persists | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays)
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
-    rests = (((e.ripple <= band) & ~creeps) | decays) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
+    # where contact slips, encoder counts move the tip on more slowly than the linear loop decays
+    ratchets = e.local & (e.resolution > 0.0) & (ratio > np.sqrt(e.decay))
+    rests = (((e.ripple <= band) & ~creeps) | (decays & ~ratchets)) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
     rests &= ~(ahead(e) > band) & ~(e.creep > band)
     rests &= stable | ~(e.ripple_before > BEFORE * band)  # a turning point of a slow motion looks like rest
     rests &= stable | ~generates(e)

@@ -16,6 +16,7 @@ from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
 from palpate.simulation.verdict import State, Verdict
 from palpate.stability import certification, certify, destabilizing_operator
+from palpate.stability.assumptions import assumptions
 from palpate.stability.certification import (
     _dominant_angle,
     _longest_interval,
@@ -49,6 +50,29 @@ def press(**tables: Any) -> Scenario:
 
 def loop_of(stiffness: list[float], damping: list[float], normalized: bool = False) -> Any:
     return SimpleNamespace(stiffness=np.diag(stiffness), damping=np.diag(damping), normalized=normalized)
+
+
+@pytest.mark.parametrize(
+    ("model", "kinematics", "design", "said"),
+    [
+        ("nonlinear", "nonlinear", {}, (False, False, True)),
+        ("nonlinear", "linear", {"stiffness": "1 N/mm"}, (False, True, False)),
+        ("linear", "nonlinear", {}, (True, False, True)),
+        ("linear", "linear", {"stiffness": "1 N/mm"}, (True, True, False)),
+    ],
+)
+def test_the_assumptions_name_a_simplified_device_and_a_controller_designed_for_the_object(
+    model: str, kinematics: str, design: dict[str, str], said: tuple[bool, bool, bool]
+) -> None:
+    scenario = press(
+        device={"name": "phantom-premium-1.5a", "model": model, "kinematics": kinematics},
+        operator={"kind": "force"},
+        controller={"kind": "lqg", **design},
+    )
+    words = " ".join(assumptions(scenario))
+    parts = ("its linearization at the start", "kinematics are those of the start", "another controller")
+    assert tuple(part in words for part in parts) == said
+    assert ("linearized exactly there" in words) is (model == "nonlinear")
 
 
 @pytest.mark.parametrize(

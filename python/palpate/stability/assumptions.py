@@ -31,6 +31,11 @@ def assumptions(s: Scenario) -> tuple[str, ...]:
     sentences.append(_operator(s))
     if s.device.model == "nonlinear":
         sentences.append("Small motions about the pose: the device is linearized exactly there.")
+    else:
+        source = "linearization at the start" if s.device.model == "linear" else "identified model"
+        sentences.append(f"The device is its {source}: its inertia, weight and friction do not change with the pose.")
+    if s.device.kinematics == "linear":
+        sentences.append("The kinematics are those of the start: a tip force keeps its joint torques at every pose.")
     if device.flexible is not None:
         sentences.append(f"The {device.flexible}, is linear and alike in every direction.")
     else:
@@ -46,6 +51,11 @@ def assumptions(s: Scenario) -> tuple[str, ...]:
         sentences.append(
             "The controller divides reference and object force by the object's stiffness of the same tick: in the loop "
             "the object is a constant spring of the design stiffness."
+        )
+    elif s.controller.kind in ("lead_lag", "lqg") and s.object.stiffness and "stiffness" not in s.controller.options:
+        sentences.append(
+            "Factors on the object leave the controller as it is: a scenario with another object.stiffness has another "
+            "controller, unless controller.stiffness is given."
         )
     neglected = _neglected(s, device)
     if neglected:

@@ -157,7 +157,7 @@ def body_of(friction: float, directions: int, static: float, monkeypatch: pytest
     monkeypatch.setattr(body, "device_loop", device_loop)
     monkeypatch.setattr(body, "_boundary", boundary)
     options = {"static_friction": friction} if friction else {}
-    seen["scenario"] = SimpleNamespace(object=SimpleNamespace(body=SimpleNamespace(options=options)))
+    seen["scenario"] = SimpleNamespace(object=SimpleNamespace(body=SimpleNamespace(options=options, contact_points=())))
     return seen
 
 

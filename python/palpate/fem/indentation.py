@@ -33,7 +33,7 @@ from palpate.fem.model_spec import ModelSpec
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
 _TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
-NODES, SOLVED, _LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
+NODES, SOLVED, LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
 OVERLAPS_FIXED: Final = (
     "overlaps a fixed or held part of the surface, which does not push back, so its force is too small: press a radius "
     "away from it"
@@ -66,7 +66,7 @@ class ContactHistory(NamedTuple):
         """Return the rows (m, 15) of the core as a history; raise BodyError if the forces of one were not found."""
         if not rows[:, SOLVED].all():
             raise BodyError(_TOO_MANY_NODES)
-        nodes, lost = rows[:, NODES].astype(np.int64), rows[:, _LOST] > 0.0
+        nodes, lost = rows[:, NODES].astype(np.int64), rows[:, LOST] > 0.0
         return cls(rows[:, 0:3], rows[:, 3:6], rows[:, 6], nodes, rows[:, 10:13], lost)
 
 
@@ -436,7 +436,7 @@ def check_resolved(force: Array, normal: Array, count: int, error: float | None,
 
 def _warn_of_unsolved(rows: Array) -> None:
     """Warn of steps of a signed-distance body whose forces are not converged, and mark them as solved."""
-    unsolved = int(np.count_nonzero((rows[:, SOLVED] == 0.0) & (rows[:, _LOST] == 0.0)))
+    unsolved = int(np.count_nonzero((rows[:, SOLVED] == 0.0) & (rows[:, LOST] == 0.0)))
     rows[:, SOLVED] = 1.0
     if unsolved:
         warnings.warn(

@@ -125,6 +125,8 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
     one_sided = is_one_sided(scenario)
     expected = _expected(trace, scenario, window)
     counts = float(resolution(scenario, device, trace["angle"][last : last + 1])[0])
+    others = float(trace.metadata.get("object", {}).get("resolution_m", 0.0))  # of devices on the same body
+    counts = max(counts, others)
     error = np.nan if expected is None else float(steady_error(deflection[ending].mean(axis=0), expected)[0])
     if "tool" in trace:
         error = _tool_error(trace, ending, deflection, counts)
@@ -134,7 +136,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
         "pressed": one_sided and _pressed(trace, scenario, touching, last),
         "apart": _apart(trace, touching) if one_sided else 0.0,
         "local": any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values()),
-        "lossy": lossy(scenario, device),
+        "lossy": lossy(scenario, device) or others > 0.0,
         "generated": generated,
         "generated_before": generated_before,
         "error": error,

@@ -9,13 +9,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from palpate.arrays import Array, Flags
-from palpate.fem.indentation import SOLVED, ContactHistory
+from palpate.arrays import Array
+from palpate.fem.indentation import LOST, SOLVED, ContactHistory
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenario
+from palpate.simulation.evidence import resolution
 from palpate.simulation.loop import Loop
 from palpate.simulation.shared_body import SharedBody
-from palpate.simulation.trace import Trace
+from palpate.simulation.trace import Trace, describe_channel
+from palpate.simulation.trace_export import Channel
 from palpate.simulation.user_object import ContactResult
 
 __all__ = ["JointRun", "simulate_together"]
@@ -28,20 +30,17 @@ class JointRun:
     """Run of several devices on one body.
 
     Attributes:
-        traces: of each device. The force of the body is their `object_force`; their scenario's object is "none".
+        traces: of each device; the force of its tip on the body is `object_force`.
         contacts: of each tip, in the body's frame; a row for each tick.
-        solved: whether the contact forces were found, in each tick (m,).
     """
 
     traces: tuple[Trace, ...]
     contacts: tuple[ContactHistory, ...]
-    solved: Flags
 
     @property
     def settled(self) -> bool:
-        """Whether every device has settled, all contact forces were found, and no tip was pushed through the body."""
-        kept = bool(self.solved.all()) and not any(contact.lost.any() for contact in self.contacts)
-        return kept and all(trace.verdict.settled for trace in self.traces)
+        """Whether every device has settled."""
+        return all(trace.verdict.settled for trace in self.traces)
 
 
 class _Presented:
@@ -82,22 +81,38 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
         if any(loop.diverged for loop in loops):
             break
     found = np.array(rows)
-    solved = np.asarray(found[:, :, SOLVED].all(axis=1))
-    found[:, :, SOLVED] = 1.0
-    return JointRun(
-        tuple(
-            _with_deflection(loop.trace, loop.scenario.run.record_every, found[:, tip, 3:6] @ turn.T)
-            for tip, (loop, turn) in enumerate(zip(loops, shared.rotations, strict=True))
-        ),
-        tuple(ContactHistory.of(found[:, tip]) for tip in range(len(loops))),
-        solved,
+    counts = max(_counts(loop) for loop in loops)
+    traces = tuple(
+        _trace(loop, scenario, turn, found[:, tip], counts)
+        for tip, (loop, scenario, turn) in enumerate(zip(loops, loaded, shared.rotations, strict=True))
     )
+    found[:, :, SOLVED] = 1.0  # where they were not, the traces say so
+    return JointRun(traces, tuple(ContactHistory.of(found[:, tip]) for tip in range(len(loops))))
 
 
-def _with_deflection(trace: Trace, every: int, deflection: Array) -> Trace:
-    """Return a trace with the deflection of each tick (m, 3), m, at its samples."""
-    channel = replace(trace.channels["deflection"], values=deflection[::every][: len(trace)])
-    return replace(trace, channels={**trace.channels, "deflection": channel})
+def _counts(loop: Loop) -> float:
+    """Return the tip displacement of two encoder counts of a device at its start, m."""
+    simulation = loop.simulation
+    return float(resolution(simulation.scenario, simulation.device, simulation.start)[0])
+
+
+def _trace(loop: Loop, scenario: Scenario, turn: Array, rows: Array, counts: float) -> Trace:
+    """Return the trace of a device, with what the shared body adds for its verdict.
+
+    Args:
+        loop: of the device.
+        scenario: of the device, with the body.
+        turn: body frame to device frame (3, 3).
+        rows: of the core, of the device's tip in each tick (m, 15).
+        counts: largest tip displacement of two encoder counts of all devices, m: each feels the counts of the others.
+    """
+    trace = loop.trace
+    kept = rows[:: scenario.run.record_every][: len(trace)]
+    values = {"deflection": kept[:, 3:6] @ turn.T, "solved": kept[:, SOLVED, None], "contact_lost": kept[:, LOST, None]}
+    channels = {name: Channel(value, *describe_channel(name)) for name, value in values.items()}
+    known = {**trace.metadata["object"], "name": "shared body", "resolution_m": counts}
+    metadata = {**trace.metadata, "scenario": scenario.to_dict(), "object": known}
+    return replace(trace, channels={**trace.channels, **channels}, metadata=metadata)
 
 
 def _sensed(loop: Loop) -> Array:

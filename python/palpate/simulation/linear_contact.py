@@ -82,7 +82,7 @@ def _body_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str
     s, frame = response.system, held.frame
     law = ContactLaw(s.A, s.B @ frame.T, frame @ s.C, frame @ s.D @ frame.T)
     spring: dict[str, Any] = {"kind": "spring", "stiffness": "1 N/m"}
-    if not held.friction:
+    if not held.holds_across:
         spring = {"kind": "wall", "stiffness": "1 N/m", "normal": frame[:, 0].tolist()}
     loop, doubt = _loop(trace, scenario, spring), response.asymmetry + DOUBT
     low, radius, high = (_radius(loop, law, scale) for scale in (1.0 - doubt, 1.0, 1.0 + doubt))

@@ -81,7 +81,7 @@ def joint_stability(
     loaded = [_every_tick(read_scenario(scenario)) for scenario in scenarios]
     for scenario in loaded:
         require_linear_parts(scenario)
-    recorded = run is not None and all(len(trace) == len(run.solved) for trace in run.traces)
+    recorded = run is not None and all(len(trace) == len(run.contacts[0].nodes) for trace in run.traces)
     found = run if run is not None and recorded else simulate_together(loaded)
     shared = SharedBody(loaded)
     count = min(len(trace) for trace in found.traces)

@@ -66,7 +66,7 @@ def test_the_assumptions_name_a_simplified_device_and_a_controller_designed_for_
 ) -> None:
     scenario = press(
         device={"name": "phantom-premium-1.5a", "model": model, "kinematics": kinematics},
-        operator={"kind": "force"},
+        operator={"kind": "force", "force": ["0 N", "0 N", "-1 N"]},
         controller={"kind": "lqg", **design},
     )
     words = " ".join(assumptions(scenario))

@@ -25,8 +25,8 @@ auto widest(Make make) {
 
 }  // namespace
 
-std::unique_ptr<AnyHyperelasticModel> make_hyperelastic_model(HyperelasticLaw law, const TetMesh& mesh) {
-  return widest([&](auto lanes) { return detail::make_model<lanes()>(law, mesh); });
+std::unique_ptr<AnyHyperelasticModel> make_hyperelastic_model(HyperelasticLaw law, const TetMesh& mesh, const Relaxation& relaxation) {
+  return widest([&](auto lanes) { return detail::make_model<lanes()>(law, mesh, relaxation); });
 }
 
 std::unique_ptr<AnyQuasiStaticSolver> make_quasi_static_solver(HyperelasticLaw law, const TetMesh& mesh, const TetSurface& surface,

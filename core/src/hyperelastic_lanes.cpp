@@ -16,13 +16,14 @@ namespace {
 template <template <class> class Material>
 class ModelOf final : public AnyHyperelasticModel {
  public:
-  explicit ModelOf(const TetMesh& mesh)
-      : model_(mesh), free_(static_cast<std::size_t>(model_.free_nodes())), at_(3 * model_.nodes()), load_(model_.unknowns()) {}
+  ModelOf(const TetMesh& mesh, const Relaxation& relaxation)
+      : model_(mesh, relaxation), free_(static_cast<std::size_t>(model_.free_nodes())), at_(3 * model_.nodes()), load_(model_.unknowns()) {}
 
-  double evaluate(const double* displacement, double* forces) override {
+  double evaluate(const double* displacement, double duration, double* forces) override {
     gather(displacement, at_);
-    model_.set_displacement(at_.data());
+    model_.begin_step(duration, at_.data());
     scatter(model_.gradient(), free_, forces);
+    model_.end_step();
     return model_.energy();
   }
 
@@ -37,14 +38,18 @@ class ModelOf final : public AnyHyperelasticModel {
     scatter(free.data(), free_, forces);
   }
 
-  int solve_equilibrium(const double* load, double tolerance, int max_steps) override {
+  int solve_equilibrium(const double* load, double duration, double tolerance, int max_steps) override {
     gather(load, load_);
+    model_.begin_step(duration);
     double size = 0.0;
     for (const double f : load_) size += f * f;
     for (int k = 0; k <= max_steps; ++k) {
       double left = 0.0;
       for (std::size_t i = 0; i < load_.size(); ++i) left += (load_[i] - model_.gradient()[i]) * (load_[i] - model_.gradient()[i]);
-      if (left <= tolerance * tolerance * size) return k;
+      if (left <= tolerance * tolerance * size) {
+        model_.end_step();
+        return k;
+      }
       if (k < max_steps) model_.step(DeadLoad{load_.data(), load_.size()}, 1e-4F, 300);
     }
     return -1;
@@ -103,9 +108,9 @@ class SolverOf final : public AnyQuasiStaticSolver {
 }  // namespace
 
 template <>
-std::unique_ptr<AnyHyperelasticModel> make_model<PALPATE_LANES>(HyperelasticLaw law, const TetMesh& mesh) {
-  if (law == HyperelasticLaw::corotational) return std::make_unique<ModelOf<Corotational>>(mesh);
-  return std::make_unique<ModelOf<NeoHookean>>(mesh);
+std::unique_ptr<AnyHyperelasticModel> make_model<PALPATE_LANES>(HyperelasticLaw law, const TetMesh& mesh, const Relaxation& relaxation) {
+  if (law == HyperelasticLaw::corotational) return std::make_unique<ModelOf<Corotational>>(mesh, relaxation);
+  return std::make_unique<ModelOf<NeoHookean>>(mesh, relaxation);
 }
 
 template <>

@@ -277,7 +277,7 @@ class DeformationFrames:
         """
 
 class HyperelasticBody(DeformableBody):
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, node_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], nodes_per_tip: int, update_interval: int, tangential_ratio: float = 1.0, common_compliance: float = 0.0, static_friction: float = 0.0, dynamic_friction: float = 0.0, density: float = 0.0, rayleigh_alpha: float = 0.0, rayleigh_beta: float = 0.0, period: float = 0.001) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, node_points: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], nodes_per_tip: int, update_interval: int, tangential_ratio: float = 1.0, common_compliance: float = 0.0, static_friction: float = 0.0, dynamic_friction: float = 0.0, density: float = 0.0, rayleigh_alpha: float = 0.0, rayleigh_beta: float = 0.0, instantaneous_ratio: float = 1.0, retardation_time: float = 1.0, period: float = 0.001) -> None: ...
 
     def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
         """
@@ -307,11 +307,11 @@ class HyperelasticBody(DeformableBody):
     def reset(self) -> None: ...
 
 class HyperelasticModel:
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool) -> None: ...
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, instantaneous_ratio: float = 1.0, retardation_time: float = 1.0) -> None: ...
 
-    def evaluate(self, displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> tuple:
+    def evaluate(self, displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], duration: float = ...) -> tuple:
         """
-        Return the energy, J, and the internal forces on the free points (p, 3), N.
+        Return the energy, J, and the internal forces on the free points (p, 3), N, at the end of a step of a duration, s.
         """
 
     def tangent(self, direction: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
@@ -319,9 +319,9 @@ class HyperelasticModel:
         Return the derivative of the internal forces along `direction`, N, at the last evaluated displacement, in single precision.
         """
 
-    def solve_equilibrium(self, load: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tolerance: float = 1e-08, max_steps: int = 60) -> int:
+    def solve_equilibrium(self, load: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tolerance: float = 1e-08, max_steps: int = 60, duration: float = ...) -> int:
         """
-        Solve for the equilibrium under a load, N. Return the number of Newton steps, or -1 if they do not converge.
+        Solve for the equilibrium under a load, N, at the end of a step of a duration, s. Return the number of Newton steps, or -1 if they do not converge.
         """
 
     def displacement(self) -> NDArray[numpy.float64]: ...

@@ -61,6 +61,11 @@ void check(const ModelCore& self, const Points& vectors) {
   if (vectors.shape(0) != self.points) throw nb::value_error("the array must have one row for each point");
 }
 
+void check(double instantaneous_ratio, double retardation_time) {
+  if (!(instantaneous_ratio >= 1.0 && retardation_time > 0.0))
+    throw nb::value_error("the instantaneous ratio must be 1 or more, and the retardation time positive");
+}
+
 palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& point, const Triangles& triangles) {
   const std::size_t n = point.shape(0);
   const auto fits = [points](const auto& numbers, std::size_t count) {
@@ -82,9 +87,7 @@ HyperelasticLaw law_of(bool corotational) {
 
 std::unique_ptr<AnyQuasiStaticSolver> solver_of(const palpate::deformable::TetMesh& mesh, bool corotational,
                                                 const palpate::deformable::TetSurface& surface, int nodes_per_tip,
-                                                const palpate::deformable::Inertia& inertia = {}) {
-  palpate::deformable::SolverOptions options;
-  options.inertia = inertia;
+                                                palpate::deformable::SolverOptions options = {}) {
   options.nodes_per_tip = nodes_per_tip;
   return palpate::deformable::make_quasi_static_solver(law_of(corotational), mesh, surface, options);
 }
@@ -309,12 +312,18 @@ void bind_hyperelastic(nb::module_& m) {
           [](HyperelasticCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
              const Flags& fixed, bool corotational, const Integers& point, const Triangles& triangles, int nodes_per_tip,
              int update_interval, double tangential_ratio, double common_compliance, double mu_static, double mu_dynamic, double density,
-             double rayleigh_alpha, double rayleigh_beta, double period) {
+             double rayleigh_alpha, double rayleigh_beta, double instantaneous_ratio, double retardation_time, double period) {
             if (update_interval < 1) throw nb::value_error("update_interval must be 1 or more");
             if (!(density >= 0.0 && rayleigh_alpha >= 0.0 && rayleigh_beta >= 0.0 && period > 0.0))
               throw nb::value_error("density and damping must not be negative, and the period must be positive");
+            check(instantaneous_ratio, retardation_time);
+            palpate::deformable::SolverOptions options;
+            options.inertia = {density, rayleigh_alpha, rayleigh_beta};
+            options.relaxation = {instantaneous_ratio, retardation_time};
+            options.tick_period = period;
+            options.update_interval = update_interval;
             auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational, surface_of(points.shape(0), point, triangles),
-                                   nodes_per_tip, {density, rayleigh_alpha, rayleigh_beta, period, update_interval});
+                                   nodes_per_tip, options);
             new (self) HyperelasticCore(points.shape(0), std::move(solid), update_interval,
                                         mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, tangential_ratio,
                                                                                               common_compliance, point.shape(0))
@@ -322,7 +331,8 @@ void bind_hyperelastic(nb::module_& m) {
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "triangles"_a, "nodes_per_tip"_a,
           "update_interval"_a, "tangential_ratio"_a = 1.0, "common_compliance"_a = 0.0, "static_friction"_a = 0.0,
-          "dynamic_friction"_a = 0.0, "density"_a = 0.0, "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0, "period"_a = 1e-3)
+          "dynamic_friction"_a = 0.0, "density"_a = 0.0, "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0, "instantaneous_ratio"_a = 1.0,
+          "retardation_time"_a = 1.0, "period"_a = 1e-3)
       .def(
           "simulate_path",
           [](HyperelasticCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
@@ -390,20 +400,23 @@ void bind_solid(nb::module_& m) {
       .def(
           "__init__",
           [](ModelCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
-             bool corotational) {
+             bool corotational, double instantaneous_ratio, double retardation_time) {
+            check(instantaneous_ratio, retardation_time);
             const palpate::deformable::TetMesh mesh = mesh_of(points, cells, shear, lame, fixed);
-            auto solid = palpate::deformable::make_hyperelastic_model(law_of(corotational), mesh);
+            auto solid = palpate::deformable::make_hyperelastic_model(law_of(corotational), mesh, {instantaneous_ratio, retardation_time});
             new (self) ModelCore{points.shape(0), std::move(solid)};
           },
-          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a)
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "instantaneous_ratio"_a = 1.0,
+          "retardation_time"_a = 1.0)
       .def(
           "evaluate",
-          [](ModelCore& self, const Points& displacement) {
+          [](ModelCore& self, const Points& displacement, double duration) {
             check(self, displacement);
             auto [forces, f] = new_array<double>({self.points, 3});
-            return nb::make_tuple(self.model->evaluate(displacement.data(), f), forces);
+            return nb::make_tuple(self.model->evaluate(displacement.data(), duration, f), forces);
           },
-          "displacement"_a, "Return the energy, J, and the internal forces on the free points (p, 3), N.")
+          "displacement"_a, "duration"_a = palpate::deformable::fully_relaxed,
+          "Return the energy, J, and the internal forces on the free points (p, 3), N, at the end of a step of a duration, s.")
       .def(
           "tangent",
           [](ModelCore& self, const Points& direction) {
@@ -416,13 +429,14 @@ void bind_solid(nb::module_& m) {
           "Return the derivative of the internal forces along `direction`, N, at the last evaluated displacement, in single precision.")
       .def(
           "solve_equilibrium",
-          [](ModelCore& self, const Points& load, double tolerance, int max_steps) {
+          [](ModelCore& self, const Points& load, double tolerance, int max_steps, double duration) {
             check(self, load);
             const nb::gil_scoped_release unlocked;
-            return self.model->solve_equilibrium(load.data(), tolerance, max_steps);
+            return self.model->solve_equilibrium(load.data(), duration, tolerance, max_steps);
           },
-          "load"_a, "tolerance"_a = 1e-8, "max_steps"_a = 60,
-          "Solve for the equilibrium under a load, N. Return the number of Newton steps, or -1 if they do not converge.")
+          "load"_a, "tolerance"_a = 1e-8, "max_steps"_a = 60, "duration"_a = palpate::deformable::fully_relaxed,
+          "Solve for the equilibrium under a load, N, at the end of a step of a duration, s. Return the number of Newton steps, or -1 if "
+          "they do not converge.")
       .def("displacement",
            [](const ModelCore& self) {
              auto [out, data] = new_array<double>({self.points, 3});

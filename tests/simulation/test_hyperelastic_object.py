@@ -162,8 +162,8 @@ def test_what_cannot_be_is_refused(block: Path) -> None:
         simulate(deep(block, update_interval="0.1 ms"))
     with pytest.raises(ScenarioError, match="nodes_per_tip: 65 must be a whole number, from 4 to 64"):
         simulate(deep(block, nodes_per_tip=65))
-    with pytest.raises(ScenarioError, match=r'unknown key "retardation_time" in \[object.body\]'):
-        simulate(deep(block, retardation_time="1 s"))
+    with pytest.raises(ScenarioError, match=r'unknown key "sideways_fraction" in \[object.body\]'):
+        simulate(deep(block, sideways_fraction=0.5))
     with pytest.raises(ScenarioError, match="did you mean neo-hookean"):
         simulate(deep(block, kind="neo-hooke"))
     with pytest.raises(BodyError, match="neo-hookean or corotational"):

@@ -277,6 +277,8 @@ class Body(IndentableBody):
         density: float | str | None = None,
         rayleigh_alpha: float | str = 0.0,
         rayleigh_beta: float | str = 0.0,
+        instantaneous_ratio: float | str = 1.0,
+        retardation_time: float | str = 1.0,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
@@ -292,9 +294,13 @@ class Body(IndentableBody):
         `update_interval`, which should be a tenth of the swing's period or less. The damping matrix is
         `rayleigh_alpha`, 1/s, times the mass plus `rayleigh_beta`, s, times the tangent stiffness, as in `modal`.
 
+        With `instantaneous_ratio` above 1 the material is a standard linear solid at large strain (Simo 1987; Holzapfel
+        1996). The law is that of the long term, and small strains creep and relax as in `viscoelastic`. The contact's
+        elastic layer does not relax. `indent` has the relaxed forces.
+
         Raises:
             BodyError: the law is unknown, `update_interval` is shorter than a tick, or a number is out of range; or
-                the body has damping without a density.
+                the body has damping without a density, or relaxation with one.
         """
         if law not in LAWS:
             raise BodyError(f"a body's law is neo-hookean or corotational, not {law!r}")
@@ -312,11 +318,20 @@ class Body(IndentableBody):
         }
         inertia = _inertia(density, rayleigh_alpha, rayleigh_beta)
         options |= inertia
+        ratio = stiffness_ratio(instantaneous_ratio)
+        time = positive(retardation_time, "s", "retardation_time")
+        if ratio > 1.0 and inertia:
+            raise BodyError(
+                "instantaneous_ratio: a hyperelastic body with inertia does not relax; remove density or "
+                "instantaneous_ratio"
+            )
+        if ratio > 1.0:
+            options |= {"instantaneous_ratio": ratio, "retardation_time": time}
         body = self._with_model("hyperelastic", options, static_friction, dynamic_friction)
         volume, surface = self._hyperelastic_arrays()
         numbers = (node_count, round(update_period / tick), *self.tangential_compliance, *body.kind.friction)
         arguments: list[Any] = [*volume.values(), law == "corotational", *surface.values(), *numbers]
-        motion = (*inertia.values(), tick) if inertia else ()
+        motion = (*(inertia.values() or (0.0, 0.0, 0.0)), ratio, time, tick)
         body.core = _core.HyperelasticBody(*arguments, *motion)
         return body
 

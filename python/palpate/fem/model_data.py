@@ -81,6 +81,8 @@ def _hyperelastic_data(body: Body) -> ModelData:
         "static_friction": float(body.kind.friction[0]),
         "dynamic_friction": float(body.kind.friction[1]),
     }
-    if "density" in options:
-        parameters |= {key: float(options[key]) for key in ("density", "rayleigh_alpha", "rayleigh_beta", "period")}
+    motion = ("density", "rayleigh_alpha", "rayleigh_beta", "instantaneous_ratio", "retardation_time")
+    moving = {key: float(options[key]) for key in motion if key in options}
+    if moving:
+        parameters |= moving | {"period": float(options["period"])}
     return ModelData("hyperelastic", parameters, arrays)

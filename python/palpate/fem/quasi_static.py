@@ -65,12 +65,17 @@ class QuasiStaticSolver:
         nodes_per_tip: nodes near each tip in the local model, 4 to 64; two tips share 64.
 
     Raises:
-        BodyError: the number of nodes is out of range.
+        BodyError: the number of nodes is out of range, or the solid relaxes.
     """
 
     def __init__(self, solid: HyperelasticModel, *, nodes_per_tip: float | str = 32) -> None:
         if not isinstance(solid, HyperelasticModel):
             raise BodyError(f"solid: a palpate.fem.HyperelasticModel is needed, not {solid!r}")
+        if solid.instantaneous_ratio > 1.0:
+            raise BodyError(
+                "solid: a QuasiStaticSolver has no clock, so its solid does not relax; give the solid no "
+                "instantaneous_ratio, or use Body.hyperelastic(period, instantaneous_ratio=...) with one tip"
+            )
         self.solid = solid
         elements = solid.elements
         self.core = _core.QuasiStaticSolver(

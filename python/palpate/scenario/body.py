@@ -55,6 +55,7 @@ _SLOW: Final = {
     "nodes_per_tip": Option("", _COUNT),
     "density": Option("kg/m^3", POSITIVE),
     **_DAMPING,
+    **_CREEP,
     **_FRICTION,
 }
 # A kind stands for `Body.kind(period, **options)`, a law for `Body.hyperelastic(period, law=kind, **options)`.

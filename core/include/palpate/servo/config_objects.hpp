@@ -190,9 +190,14 @@ template <class Model>
     options.inertia.density = from.positive("density");
     options.inertia.rayleigh_alpha = from.number("rayleigh_alpha", 0.0, 1e9);
     options.inertia.rayleigh_beta = from.number("rayleigh_beta", 0.0, 1e9);
-    options.inertia.tick_period = from.number("period", 1e-9, 1e3);
-    options.inertia.update_interval = interval;
   }
+  if (from.has("instantaneous_ratio")) {
+    options.relaxation.instantaneous_ratio = from.number("instantaneous_ratio", 1.0, 1e9);
+    options.relaxation.retardation_time = from.number("retardation_time", 1e-9, 1e9);
+    if (from.has("density")) from.fail("instantaneous_ratio", "does not go with a density");
+  }
+  if (from.has("density") || from.has("instantaneous_ratio")) options.tick_period = from.number("period", 1e-9, 1e3);
+  options.update_interval = interval;
   const double ratio = from.number("tangential_ratio", 0.0, 1e9), common = from.number("common_compliance", 0.0, 1e9);
   const deformable::TetMesh mesh = read_tetrahedra(reader, from);
   const deformable::TetSurface surface = read_tet_surface(reader, from, mesh.points.size());

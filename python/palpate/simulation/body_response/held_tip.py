@@ -63,6 +63,11 @@ class HeldTip:
                 f"a linear analysis does not take {choice.kind} with inertia, whose swing outlasts an update; remove "
                 "density from [object.body], or use the kind modal"
             )
+        if choice.kind in LARGE and choice.options.get("instantaneous_ratio", 1.0) > 1.0:
+            raise StabilityError(
+                f"a linear analysis does not take {choice.kind} with relaxation, which outlasts an update; remove "
+                "instantaneous_ratio from [object.body], or use the kind viscoelastic"
+            )
         body = scenario_body(scenario)
         self.core = body.core
         self.radius, self.period = choice.radius, scenario.period

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "palpate/deformable/contact/surface_nodes.hpp"
+#include "palpate/deformable/hyperelastic/overstress.hpp"
 #include "palpate/deformable/hyperelastic/solver_options.hpp"
 #include "palpate/deformable/hyperelastic/tet_mesh.hpp"
 #include "palpate/deformable/multirate/local_model.hpp"
@@ -23,13 +24,13 @@ class AnyHyperelasticModel {
   AnyHyperelasticModel& operator=(const AnyHyperelasticModel&) = delete;
   virtual ~AnyHyperelasticModel() = default;
 
-  /// Return the energy [J] at a displacement [m]. Write the internal forces [N] to `forces`.
-  virtual double evaluate(const double* displacement, double* forces) = 0;
+  /// Return the stored energy [J] at a displacement [m], at the end of a step of a duration [s]. Write the internal forces [N] to `forces`.
+  virtual double evaluate(const double* displacement, double duration, double* forces) = 0;
   /// Compute the derivative of the internal forces [N] along `motion` [m] at the last displacement, in single precision.
   virtual void tangent(const double* motion, double* forces) = 0;
-  /// Iterate with Newton steps until the residual is below `tolerance` times the load. Return the number of steps, or -1 if `max_steps`
-  /// do not suffice.
-  virtual int solve_equilibrium(const double* load, double tolerance, int max_steps) = 0;
+  /// Iterate with Newton steps until the residual at the end of a step of a duration [s] is below `tolerance` times the load. Return the
+  /// number of steps, or -1 if `max_steps` do not suffice; then the body has not advanced.
+  virtual int solve_equilibrium(const double* load, double duration, double tolerance, int max_steps) = 0;
   virtual void displacement(double* to) const = 0;
   virtual void reset() = 0;
 };
@@ -56,7 +57,7 @@ class AnyQuasiStaticSolver {
   virtual void displacement(double* to) const = 0;
   [[nodiscard]] virtual double energy() = 0;
   virtual void reset() = 0;
-  /// For bodies with inertia, see MultirateCoupling.
+  /// For bodies with inertia or relaxation, see MultirateCoupling.
   virtual void set_clock(std::int64_t tick) = 0;
   virtual void set_static(bool is_static) = 0;
   /// Return a copy at rest with its own state.
@@ -65,7 +66,7 @@ class AnyQuasiStaticSolver {
 
 /// Return the model compiled for the widest SIMD registers of this machine. The mesh must have a point that is not fixed.
 /// Throws std::runtime_error where PALPATE_NATIVE_LANES compiled it for a processor with wider registers than this one.
-std::unique_ptr<AnyHyperelasticModel> make_hyperelastic_model(HyperelasticLaw law, const TetMesh& mesh);
+std::unique_ptr<AnyHyperelasticModel> make_hyperelastic_model(HyperelasticLaw law, const TetMesh& mesh, const Relaxation& relaxation = {});
 
 /// Return the solver compiled for the widest SIMD registers of this machine. The mesh must have a point that is not fixed.
 /// Throws as make_hyperelastic_model() does.

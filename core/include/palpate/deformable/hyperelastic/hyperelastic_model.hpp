@@ -10,7 +10,9 @@
 
 #include "palpate/deformable/contact/block_matrix.hpp"
 #include "palpate/deformable/hyperelastic/conjugate_gradients.hpp"
+#include "palpate/deformable/hyperelastic/overstress.hpp"
 #include "palpate/deformable/hyperelastic/smoothing_domains.hpp"
+#include "palpate/deformable/hyperelastic/solver_options.hpp"
 #include "palpate/deformable/hyperelastic/tet_mesh.hpp"
 #include "palpate/deformable/hyperelastic/two_level_preconditioner.hpp"
 #include "palpate/math/pack.hpp"
@@ -43,6 +45,11 @@ struct DeadLoad {
 /// where F_e is the mean deformation gradient around edge e, and theta_i the mean of theta(F_e) over the edges of node i. A negative lambda
 /// stays in the first sum, so the second one is convex in theta.
 ///
+/// With relaxation the body is a standard linear solid (Overstress) in each edge domain, whose stress includes the pressure of its nodes.
+/// Between begin_step() and end_step(), energies, forces and tangent are those of the potential of the step,
+///   stiffness W + sum_e V_e H_e : (F_e^T F_e - I) / 2,
+/// with the energy W above. So an implicit step is a minimum, as an equilibrium is.
+///
 /// Vectors have entry 3 x free node + axis; point_of() maps nodes to mesh points.
 template <template <class> class Material, int lanes>
 class HyperelasticModel {
@@ -55,7 +62,7 @@ class HyperelasticModel {
     bool indefinite = false;   ///< negative curvature was found in the tangent
   };
 
-  explicit HyperelasticModel(const TetMesh& mesh) {
+  explicit HyperelasticModel(const TetMesh& mesh, const Relaxation& relaxation = {}) : relaxation_(relaxation) {
     const auto points = static_cast<std::int32_t>(mesh.points.size());
     std::vector<std::int32_t> number(mesh.points.size());
     for (const bool fixed : {false, true})
@@ -95,8 +102,9 @@ class HyperelasticModel {
   [[nodiscard]] std::size_t nodes() const noexcept { return point_of_.size(); }
   [[nodiscard]] const double* displacement() const noexcept { return displacement_.data(); }  ///< of all nodes, m
   [[nodiscard]] const double* gradient() const noexcept { return gradient_.data(); }  ///< of the energy, i.e. the internal forces, N
-  [[nodiscard]] double energy() const noexcept { return energy_; }                    ///< J
-  [[nodiscard]] const BlockMatrix& tangent() const noexcept { return tangent_; }      ///< derivative of the internal forces, N/m
+  /// Energy stored in the body, J: W, and with relaxation the energy of the overstress after the last step, as at small strains.
+  [[nodiscard]] double energy() const noexcept { return elastic_energy_ + overstress_energy_; }
+  [[nodiscard]] const BlockMatrix& tangent() const noexcept { return tangent_; }  ///< derivative of the internal forces, N/m
   [[nodiscard]] TwoLevelPreconditioner& preconditioner() noexcept { return preconditioner_; }
   [[nodiscard]] double nodal_volume(std::size_t node) const noexcept { return nodal_volume_[node]; }  ///< m^3
 
@@ -109,6 +117,37 @@ class HyperelasticModel {
     is_coarse_old_ = false;
   }
 
+  [[nodiscard]] const Relaxation& relaxation() const noexcept { return relaxation_; }
+
+  /// Begin a step of a duration [s] of a body with relaxation. With `fully_relaxed` the forces are those of the long term. `displacement`
+  /// [m], of all nodes, is set first if given.
+  void begin_step(double duration, const double* displacement = nullptr) {
+    if (relaxation_.enabled()) {
+      relaxation_step_ = RelaxationStep(relaxation_, duration);
+      for (Overstress<Scalar>& o : overstress_) o.begin_step(relaxation_step_);
+    }
+    if (displacement != nullptr)
+      set_displacement(displacement);
+    else if (relaxation_.enabled())
+      evaluate_state();
+  }
+
+  /// Complete the step at the present displacement.
+  void end_step() noexcept {
+    if (!relaxation_.enabled()) return;
+    overstress_energy_ = 0.0;
+    for (std::size_t g = 0; g < groups_.size(); ++g) {
+      const Group& group = groups_[g];
+      overstress_[g].end_step(relaxation_step_, deformations_[g], materials_[g].stress());
+      Scalar lame = group.lame;
+      for (const Indices& end : group.ends)
+        for (int l = 0; l < lanes; ++l)
+          lame.set(l, lame[l] + 0.5 * nodal_lame_[static_cast<std::size_t>(end[static_cast<std::size_t>(l)])]);
+      const Scalar stored = group.volume * overstress_[g].stored(Scalar(relaxation_.instantaneous_ratio - 1.0), group.shear, lame);
+      for (int l = 0; l < lanes; ++l) overstress_energy_ += stored[l];
+    }
+  }
+
   /// Select the exact tangent, or one whose geometric stiffness is reduced per tetrahedron until it is positive semidefinite. Equilibria
   /// are not affected.
   void set_exact_tangent(bool exact) {
@@ -119,6 +158,9 @@ class HyperelasticModel {
   /// Return to rest, with the exact tangent.
   void reset() {
     exact_tangent_ = true;
+    for (Overstress<Scalar>& o : overstress_) o = {};
+    overstress_energy_ = 0.0;
+    relaxation_step_ = {};
     set_displacement(std::vector<double>(displacement_.size(), 0.0).data());
     preconditioner_.update_coarse(tangent_);
     baseline_steps_ = 0;
@@ -180,13 +222,14 @@ class HyperelasticModel {
     }
     double slope = 0.0;
     for (std::size_t k = 0; k < unknowns(); ++k) slope += (gradient_[k] - external.force()[k]) * static_cast<double>(direction_[k]);
-    const double before = energy_ + external.energy(displacement_.data());
+    const double before = potential_ + external.energy(displacement_.data());
     double length = 1.0;
     for (int halvings = 0; halvings < max_halvings; ++halvings, length *= 0.5) {
       for (std::size_t k = 0; k < unknowns(); ++k) trial_displacement_[k] = displacement_[k] + length * static_cast<double>(direction_[k]);
-      const double energy = evaluate(trial_displacement_.data(), trial_gradient_.data(), exact_tangent_);
-      if (energy + external.energy(trial_displacement_.data()) <= before + 1e-4 * length * std::min(slope, 0.0) + energy_round_off_) {
-        energy_ = energy;
+      const double potential = evaluate(trial_displacement_.data(), trial_gradient_.data(), exact_tangent_);
+      if (potential + external.energy(trial_displacement_.data()) <=
+          before + 1e-4 * length * std::min(slope, 0.0) + stiffness() * energy_round_off_) {
+        potential_ = potential;
         displacement_.swap(trial_displacement_);
         gradient_.swap(trial_gradient_);
         preconditioner_.update(tangent_);
@@ -256,7 +299,12 @@ class HyperelasticModel {
                  from + static_cast<std::size_t>(lane) < to);
     }
     materials_.resize(groups_.size());
+    if (relaxation_.enabled()) {
+      deformations_.resize(groups_.size());
+      overstress_.resize(groups_.size());
+    }
     tangent_factors_.resize(groups_.empty() ? 0 : groups_.back().weights);
+    images_.resize(tangent_factors_.size());
   }
 
   void add_edge(const EdgeDomain& edge, Group& group, int lane, bool is_used) {
@@ -279,8 +327,11 @@ class HyperelasticModel {
     }
   }
 
+  /// Factor of the elastic energy in the potential.
+  [[nodiscard]] double stiffness() const noexcept { return relaxation_step_.stiffness(); }
+
   void evaluate_state() {
-    energy_ = evaluate(displacement_.data(), gradient_.data(), exact_tangent_);
+    potential_ = evaluate(displacement_.data(), gradient_.data(), exact_tangent_);
     preconditioner_.update(tangent_);
   }
 
@@ -309,11 +360,12 @@ class HyperelasticModel {
     return !solved.indefinite;
   }
 
-  /// Evaluate energy [J], gradient and tangent at `displacement`; the tangent exact or positive semidefinite.
+  /// Evaluate potential [J], gradient and tangent at `displacement`; the tangent exact or positive semidefinite.
   double evaluate(const double* displacement, double* gradient, bool exact) noexcept {
-    double energy = evaluate_strains(displacement);
+    double energy = evaluate_strains(displacement), constant = 0.0;
     for (std::size_t i = 0; i < nodal_strain_.size(); ++i)
       energy += 0.5 * nodal_volume_[i] * nodal_lame_[i] * nodal_strain_[i] * nodal_strain_[i];
+    elastic_energy_ = energy;
     std::fill(gradient, gradient + unknowns(), 0.0);
     tangent_.set_zero();
     for (std::size_t g = 0; g < groups_.size(); ++g) {
@@ -326,11 +378,19 @@ class HyperelasticModel {
         pressure.set(l, 0.5 * (nodal_lame_[i] * nodal_strain_[i] + nodal_lame_[j] * nodal_strain_[j]));
       }
       material.add_pressure(pressure);
-      add_gradient(group, material, gradient);
+      Matrix3<Scalar> stress = material.stress() * group.volume;
+      if (relaxation_.enabled()) {
+        stress = stress * Scalar(stiffness()) + overstress_[g].stress(deformations_[g]) * group.volume;
+        const Scalar potential = group.volume * overstress_[g].potential(deformations_[g]);
+        for (int l = 0; l < lanes; ++l) constant += potential[l];
+        for (std::size_t a = 0; a < group.weights; ++a)
+          images_[a] = overstress_[g].image(weights_[group.first_weight + a].gradient, exact) * group.volume;
+      }
+      add_gradient(group, stress, gradient);
       add_tangent(group, material, exact ? Scalar(1.0) : material.psd_geometric_fraction());
       add_factors(group, material);
     }
-    return energy;
+    return stiffness() * energy + constant;
   }
 
   /// Evaluate the materials and the mean volume strain of each node. Return the energy of the edges, J.
@@ -350,6 +410,7 @@ class HyperelasticModel {
         }
       }
       materials_[g] = Material<Scalar>(deformation, group.shear, group.lame);
+      if (relaxation_.enabled()) deformations_[g] = deformation;
       const Scalar stored = group.volume * materials_[g].energy(), change = (Scalar(0.5) * group.volume) * materials_[g].volume_strain();
       for (int l = 0; l < lanes; ++l) {
         energy += stored[l];
@@ -361,8 +422,8 @@ class HyperelasticModel {
     return energy;
   }
 
-  void add_gradient(const Group& group, const Material<Scalar>& material, double* gradient) noexcept {
-    const Matrix3<Scalar> stress = material.stress() * group.volume;
+  /// `stress` is that of the group times its volume.
+  void add_gradient(const Group& group, const Matrix3<Scalar>& stress, double* gradient) noexcept {
     for (std::size_t a = 0; a < group.weights; ++a) {
       const Weight& weight = weights_[group.first_weight + a];
       const Vector3<Scalar> force = stress * weight.gradient;
@@ -379,9 +440,14 @@ class HyperelasticModel {
   void add_tangent(const Group& group, const Material<Scalar>& material, Scalar geometric_fraction) noexcept {
     for (std::size_t a = 0; a < group.weights; ++a)
       tangent_factors_[a] = material.tangent_factor(weights_[group.first_weight + a].gradient);
+    const Scalar volume = group.volume * Scalar(stiffness());
     for (std::size_t a = 0, pair = group.first_pair; a < group.weights; ++a) {
       for (std::size_t b = a; b < group.weights; ++b, ++pair) {
-        const Matrix3<Scalar> block = material.tangent(tangent_factors_[a], tangent_factors_[b], geometric_fraction) * group.volume;
+        Matrix3<Scalar> block = material.tangent(tangent_factors_[a], tangent_factors_[b], geometric_fraction) * volume;
+        if (relaxation_.enabled()) {
+          const Scalar diagonal = images_[a].dot(weights_[group.first_weight + b].gradient);
+          for (int i = 0; i < 3; ++i) block(i, i) += diagonal;
+        }
         std::array<float, static_cast<std::size_t>(lanes)> number;
         std::array<std::array<float, 9>, static_cast<std::size_t>(lanes)> by_lane;
         for (std::size_t k = 0; k < 9; ++k) {
@@ -403,7 +469,7 @@ class HyperelasticModel {
     for (std::size_t e = 0; e < 2; ++e)
       for (int l = 0; l < lanes; ++l) {
         const auto i = static_cast<std::size_t>(group.ends[e][static_cast<std::size_t>(l)]);
-        scale[e].set(l, std::sqrt(nodal_lame_[i] / nodal_volume_[i]));
+        scale[e].set(l, std::sqrt(stiffness() * nodal_lame_[i] / nodal_volume_[i]));
       }
     const Matrix3<Scalar> change = material.volume_strain_gradient() * (Scalar(0.5) * group.volume);
     for (std::size_t a = 0; a < group.weights; ++a) {
@@ -432,9 +498,16 @@ class HyperelasticModel {
   BlockMatrix tangent_;
   TwoLevelPreconditioner preconditioner_;
   ConjugateGradients<float> solver_;
-  double energy_ = 0.0;
-  double energy_round_off_ = 0.0;            // J
-  int last_steps_ = 0, baseline_steps_ = 0;  // solver steps: of the last solve, and of the first after the coarse matrix was updated
+  Relaxation relaxation_;
+  RelaxationStep relaxation_step_;              // of the potential
+  std::vector<Matrix3<Scalar>> deformations_;   // by group, with relaxation: F at the last evaluated displacement
+  std::vector<Overstress<Scalar>> overstress_;  // same
+  std::vector<Vector3<Scalar>> images_;         // workspace, by weight of a group: constant stress times gradient and volume
+  double potential_ = 0.0;                      // of the step at the displacement, J
+  double elastic_energy_ = 0.0;                 // W at the last evaluated displacement, J
+  double overstress_energy_ = 0.0;              // after the last step, J
+  double energy_round_off_ = 0.0;               // J
+  int last_steps_ = 0, baseline_steps_ = 0;     // solver steps: of the last solve, and of the first after the coarse matrix was updated
   std::vector<double> displacement_, trial_displacement_;             // of all nodes, m
   std::vector<double> gradient_, trial_gradient_;                     // N
   std::vector<float> direction_, linear_residual_, direction_force_;  // Newton direction, m; its linear residual and internal force, N

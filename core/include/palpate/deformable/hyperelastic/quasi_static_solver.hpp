@@ -35,6 +35,9 @@ namespace palpate::deformable {
 /// servo uses the next local model one to two update intervals later: the body is linearized about its state then, under the present tips,
 /// with the compliance that inertia leaves it by then.
 ///
+/// With relaxation (SolverOptions::relaxation) each step is an implicit step of the overstress to the time of its tips, by the same Newton
+/// step. The local model has the compliance and the residual motion of a further step under the present tips, to the time of its use.
+///
 /// A state with inverted tetrahedra has no meaning, and its tangent may have any compliance. The last local model stays until they have
 /// turned back.
 template <template <class> class Material, int lanes>
@@ -47,7 +50,7 @@ class QuasiStaticSolver {
   };
 
   QuasiStaticSolver(const TetMesh& mesh, TetSurface surface, const SolverOptions& options)
-      : model_(mesh),
+      : model_(mesh, options.relaxation),
         surface_(std::move(surface)),
         layered_(mesh.points, surface_.triangles, surface_.point, moduli(mesh, surface_.point)),
         options_(options),
@@ -88,9 +91,9 @@ class QuasiStaticSolver {
     return dynamics_.enabled() ? state_energy_ : model_.energy() + tips_contact_.energy(model_.displacement());
   }
 
-  /// Set the servo tick of the tips of the next step. With inertia the motion advances by the ticks since the last one.
+  /// Set the servo tick of the tips of the next step. Inertia and relaxation advance by the ticks since the last one.
   void set_clock(std::int64_t tick) noexcept { clock_ = tick; }
-  /// Step towards equilibrium without inertia while `is_static`; the body is at rest afterwards.
+  /// Step towards equilibrium without inertia while `is_static`; the body is at rest and relaxed afterwards.
   void set_static(bool is_static) noexcept { is_static_ = is_static; }
 
   /// Take one step with the tips at their present positions. Write the next local model to `to`.
@@ -106,11 +109,11 @@ class QuasiStaticSolver {
     std::fill(tips_contact_.ahead().begin(), tips_contact_.ahead().end(), 0.0);
     tips_contact_.update_normals(model_.displacement());
     tips_contact_.linearize(model_.displacement());
-    if (dynamics_.enabled() && is_static_) {
-      dynamics_.rest_at(model_.displacement(), model_.gradient());
-      state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement());
-    }
-    next_.has_inertia = dynamics_.enabled();
+    if (dynamics_.enabled() && is_static_) dynamics_.rest_at(model_.displacement(), model_.gradient());
+    if (has_memory() && !is_dynamic()) state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement());
+    const bool is_balanced = relative_residual() < max_unbalanced;
+    if (!is_dynamic()) model_.begin_step(horizon());
+    next_.has_memory = has_memory();
     next_.returnable = state_energy_;
     if (has_inverted()) {
       current_.inverted = true;
@@ -126,9 +129,7 @@ class QuasiStaticSolver {
     report.compliance = columns_.refine(model_.tangent(), model_.preconditioner(), unit_forces_, column_index_, options_.compliance);
     linearize();
     const bool indefinite = report.newton.indefinite || report.compliance.indefinite;
-    if (exact_tangent_ &&
-        (is_dynamic() ? indefinite
-                      : relative_residual() < max_unbalanced && (indefinite || recoverable_energy() > 2.0 * model_.energy()))) {
+    if (exact_tangent_ && (is_dynamic() ? indefinite : is_balanced && (indefinite || recoverable_energy() > 2.0 * model_.energy()))) {
       indefinite_energy_ = model_.energy();
       set_exact_tangent(false);
       add_mass();
@@ -150,8 +151,8 @@ class QuasiStaticSolver {
     current_ = LocalModel{};
     current_.version = version;
     current_.compliance_matrix.assign(next_.compliance_matrix.size(), 0.0);
-    if (!dynamics_.enabled()) return;
-    dynamics_.rest_at(model_.displacement(), model_.gradient());
+    if (!has_memory()) return;
+    if (dynamics_.enabled()) dynamics_.rest_at(model_.displacement(), model_.gradient());
     look_ahead_ = {};
     state_energy_ = 0.0;
     advanced_to_ = no_tick;
@@ -195,11 +196,25 @@ class QuasiStaticSolver {
     return sum;
   }
 
+  /// Whether the body may hold energy that no tip holds.
+  [[nodiscard]] bool has_memory() const noexcept { return dynamics_.enabled() || model_.relaxation().enabled(); }
+  /// Time since the last step, s.
+  [[nodiscard]] double elapsed() const noexcept {
+    return advanced_to_ == no_tick || clock_ <= advanced_to_ ? 0.0 : static_cast<double>(clock_ - advanced_to_) * options_.tick_period;
+  }
+  /// Time to the tick at which the next local model is fully blended in, s.
+  [[nodiscard]] double horizon() const noexcept { return (2.0 * options_.update_interval - 1.0) * options_.tick_period; }
+
   [[nodiscard]] bool is_dynamic() const noexcept { return dynamics_.enabled() && !is_static_; }
 
   /// Take a Newton step towards equilibrium.
   void approach_equilibrium(const TipPair& tips, Report& report) {
-    if (dynamics_.enabled()) model_.set_displacement(dynamics_.displacement().data());
+    model_.begin_step(is_static_ ? fully_relaxed : elapsed(), dynamics_.enabled() ? dynamics_.displacement().data() : nullptr);
+    take_newton_step(tips, report);
+    model_.end_step();
+  }
+
+  void take_newton_step(const TipPair& tips, Report& report) {
     tips_contact_.update_normals(model_.displacement());
     predict(tips);
     tips_contact_.linearize(model_.displacement());
@@ -214,22 +229,21 @@ class QuasiStaticSolver {
 
   /// Advance the motion to the clock, and look ahead.
   void advance(const TipPair& tips, Report& report) {
-    const Inertia& inertia = dynamics_.inertia();
-    const double h =
-        advanced_to_ == no_tick || clock_ <= advanced_to_ ? 0.0 : static_cast<double>(clock_ - advanced_to_) * inertia.tick_period;
+    const double h = elapsed();
     for (int stage = 0; stage < 2 && h > 0.0; ++stage) {
       tips_contact_.set_tips(stage == 0 ? between(advanced_tips_, tips, BodyDynamics::gamma) : tips);
       const BodyDynamics::Coefficients coefficients = dynamics_.begin_stage(stage, h, start_);
-      if (stage == 0) model_.set_displacement(start_.data());
+      model_.begin_step(stage == 0 ? BodyDynamics::gamma * h : h, stage == 0 ? start_.data() : nullptr);
       minimize(coefficients, dynamic_tolerance, report);
       dynamics_.end_stage(stage, h, model_.displacement(), model_.gradient());
     }
-    if (!(h > 0.0)) model_.set_displacement(dynamics_.displacement().data());
+    if (!(h > 0.0)) model_.begin_step(0.0, dynamics_.displacement().data());
+    model_.end_step();
     tips_contact_.update_normals(model_.displacement());
     tips_contact_.linearize(model_.displacement());
     state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement()) + dynamics_.kinetic_energy();
-    const double horizon = (2.0 * inertia.update_interval - 1.0) * inertia.tick_period;  // to the tick of the full blend
-    look_ahead_ = dynamics_.begin_look_ahead(horizon, tips_contact_.force(), model_.gradient());
+    look_ahead_ = dynamics_.begin_look_ahead(horizon(), tips_contact_.force(), model_.gradient());
+    model_.begin_step(horizon());
     Report ahead;
     minimize(look_ahead_, look_ahead_tolerance, ahead);
     report.newton.indefinite = report.newton.indefinite || ahead.newton.indefinite;
@@ -477,7 +491,7 @@ class QuasiStaticSolver {
   HyperelasticModel<Material, lanes> model_;
   BodyDynamics dynamics_;
   BodyDynamics::Coefficients look_ahead_;                 // of the local model
-  double state_energy_ = 0.0;                             // of the body with inertia, J
+  double state_energy_ = 0.0;                             // of the body with inertia or relaxation, J
   std::int64_t clock_ = no_tick, advanced_to_ = no_tick;  // ticks: of the next step, and of the last one
   TipPair advanced_tips_;                                 // of the last step
   bool is_static_ = false;

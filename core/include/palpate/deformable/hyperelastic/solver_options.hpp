@@ -24,17 +24,27 @@ struct Inertia {
   double density = 0.0;         ///< kg/m^3; 0: the body is quasi-static
   double rayleigh_alpha = 0.0;  ///< 1/s
   double rayleigh_beta = 0.0;   ///< s
-  double tick_period = 1e-3;    ///< of the servo, s
-  int update_interval = 20;     ///< ticks that a model update is expected to take
 };
 
-/// Effort of a step of QuasiStaticSolver, and the body's inertia.
+/// Standard linear solid: under a step the body is `instantaneous_ratio` times as stiff as in the long term; at small strains it creeps
+/// with the `retardation_time` under a constant force.
+struct Relaxation {
+  double instantaneous_ratio = 1.0;  ///< at least 1; 1: elastic
+  double retardation_time = 1.0;     ///< s
+
+  [[nodiscard]] bool enabled() const noexcept { return instantaneous_ratio > 1.0; }
+};
+
+/// Effort of a step of QuasiStaticSolver, and the body's inertia and relaxation.
 struct SolverOptions {
   int nodes_per_tip = 32;         ///< nodes with compliance columns, nearest to each tip; at most LocalModel::max_inner in total
   float newton_tolerance = 0.1F;  ///< relative error of the Newton direction, in the energy norm
   int max_newton_steps = 60;      ///< of conjugate gradients per Newton step
   ColumnRefinement compliance{};
   Inertia inertia{};
+  Relaxation relaxation{};
+  double tick_period = 1e-3;  ///< of the servo, s; of bodies with inertia or relaxation
+  int update_interval = 20;   ///< ticks that a model update is expected to take; same
 };
 
 }  // namespace palpate::deformable

@@ -40,8 +40,8 @@ struct LocalModel {
   LocalTriangles triangles;                              ///< of the surface, by distance from the tips
   bool inverted = false;                                 ///< whether the body has inverted tetrahedra since the state
   bool truncated = false;                                ///< whether the model lacks surface that bears force at the state
-  bool has_inertia = false;                              ///< whether the body may swing
-  double returnable = 0.0;                               ///< energy that the body with inertia may still return, J
+  bool has_memory = false;                               ///< whether the body may swing or recover when the tips have left
+  double returnable = 0.0;                               ///< energy that the body with memory may still return, J
   long version = 0;                                      ///< of the state, increasing
 
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {

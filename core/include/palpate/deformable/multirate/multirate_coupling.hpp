@@ -16,9 +16,9 @@ namespace palpate::deformable {
 /// `Solver` provides
 ///   Report step(const TipPair& tips, LocalModel& to)   one model update; may allocate
 ///   void reset()                                       return to rest
-/// and, if the body has inertia,
+/// and, if the body has inertia or relaxation,
 ///   void set_clock(std::int64_t tick)                  tick of the tips of the next update
-///   void set_static(bool is_static)                    whether updates approach the equilibrium, without inertia
+///   void set_static(bool is_static)                    whether updates approach the relaxed equilibrium, without inertia
 template <class Solver>
 class MultirateCoupling {
  public:

@@ -21,8 +21,8 @@ namespace palpate::deformable {
 ///   work of the tips on the body = V + tank level,  both nonnegative,
 /// so the tips never extract more energy than they supplied. A model that needs more energy is first stiffened about its state, by a factor
 /// of up to two: the forces at the state stay, the recoverable energy decreases. When the last tip has left the body, the tank keeps at
-/// most the energy that the body still has (LocalModel::returnable): nothing for a quasi-static body. With inertia this is the energy of
-/// the swing, and it bounds what the swing returns to a tip.
+/// most the energy that the body still has (LocalModel::returnable): nothing for a quasi-static elastic body. With inertia or
+/// relaxation this is the energy of the swing or of the overstress, and it bounds what the body returns to a tip.
 class PassiveModelSwitch {
  public:
   using ModelBuffer = TripleBuffer<LocalModel, 3>;
@@ -48,7 +48,7 @@ class PassiveModelSwitch {
 
   /// Start with the energy that the body holds beyond the potential of its first model in the tank.
   void start_with_energy(ModelBuffer& models) noexcept {
-    if (current_model(models).has_inertia) tank_.level = std::max(current_model(models).returnable - tank_.potential, 0.0);
+    if (current_model(models).has_memory) tank_.level = std::max(current_model(models).returnable - tank_.potential, 0.0);
   }
 
   [[nodiscard]] const MultiTipResult& last() const noexcept { return result_; }
@@ -103,7 +103,7 @@ class PassiveModelSwitch {
   void leave(const LocalModel& model) noexcept {
     const double level = models_since_contact_ > 1 ? std::min(tank_.level, model.returnable) : tank_.level;
     tank_ = {};
-    if (model.has_inertia) tank_.level = level;
+    if (model.has_memory) tank_.level = level;
   }
 
   const MultiTipResult& solve(ModelBuffer& models, int slot, const TipPair& tips) noexcept {

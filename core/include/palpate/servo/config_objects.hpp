@@ -233,7 +233,9 @@ template <class Model>
                                                                                           deformable::SurfaceNodes nodes, const float* full,
                                                                                           deformable::DryFriction friction) {
   const std::int64_t count = nodes.size();
-  object::SignedDistanceOptions options{.sideways = from.number("sideways_fraction", 0.0, 1.0), .friction = friction};
+  object::SignedDistanceOptions options;
+  options.sideways = from.number("sideways_fraction", 0.0, 1.0);
+  options.friction = friction;
   const deformable::ContactSurface surface = read_contact_surface(reader, from, count);
   options.period = from.number("period", 1e-9, 1e3);
   options.instantaneous_ratio = from.number("instantaneous_ratio", 1.0, 1e9);

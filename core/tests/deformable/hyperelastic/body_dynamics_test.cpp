@@ -231,7 +231,8 @@ struct TouchedBlock {
       : interval(ticks_of_update),
         coupling(std::make_unique<Solver>(
             block.mesh, block.top(),
-            palpate::deformable::SolverOptions{.nodes_per_tip = 16, .inertia = {1000.0, 1.0, 1e-4, period, ticks_of_update}})) {
+            palpate::deformable::SolverOptions{
+                .nodes_per_tip = 16, .inertia = {1000.0, 1.0, 1e-4}, .tick_period = period, .update_interval = ticks_of_update})) {
     tips.count = 1;
     tips.tip[0].radius = 7e-3;
   }

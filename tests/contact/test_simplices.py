@@ -7,7 +7,16 @@ from collections import Counter
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from palpate.contact.simplices import area_vectors, boundary, components, equal_neighbors, half_edges, volumes
+from palpate.contact.simplices import (
+    area_vectors,
+    boundary,
+    components,
+    cross,
+    equal_neighbors,
+    half_edges,
+    unique_rows,
+    volumes,
+)
 from palpate.fem import block
 
 PAIRS = st.lists(st.tuples(st.integers(0, 11), st.integers(0, 11)), max_size=30)
@@ -60,3 +69,17 @@ def test_equal_rows_form_chains(pairs: list[tuple[int, int]]) -> None:
     chains = Counter(map(tuple, rows[one].tolist()))
     assert chains == Counter({row: count - 1 for row, count in Counter(pairs).items() if count > 1})
     assert len(np.unique(two)) == len(two)
+
+
+@given(st.lists(st.lists(st.sampled_from([-1.5, -0.0, 0.0, 2.0]), min_size=3, max_size=3), min_size=1, max_size=30))
+def test_unique_rows_are_those_of_numpy_in_its_order(values: list[list[float]]) -> None:
+    rows = np.array(values)
+    first, number = unique_rows(rows)
+    _, expected, inverse = np.unique(rows + 0.0, axis=0, return_index=True, return_inverse=True)
+    np.testing.assert_array_equal(first, expected)
+    np.testing.assert_array_equal(number, inverse.ravel())
+
+
+def test_cross_products_have_the_bits_of_numpy() -> None:
+    a, b = np.random.default_rng(5).normal(size=(2, 100, 3))
+    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from palpate import _core
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import Diagnosis, format_size
-from palpate.contact.simplices import components
+from palpate.contact.simplices import components, unique_rows
 from palpate.errors import PalpateError, shorten
 from palpate.files import check_readable
 from palpate.units import parse_quantity
@@ -222,8 +222,7 @@ def weld(points: Array, faces: Indices, tolerance: float = 1e-6) -> tuple[Array,
 
     Chains of close vertices become one vertex. STL files repeat each vertex, with different last bits.
     """
-    _, first, same = np.unique(points + 0.0, axis=0, return_index=True, return_inverse=True)  # + 0.0: no minus zero
-    same = same.reshape(-1)
+    first, same = unique_rows(points)
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     pairs = cKDTree(points[first]).query_pairs(tolerance * extent, output_type="ndarray")
     if len(pairs):

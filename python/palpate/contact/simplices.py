@@ -16,24 +16,34 @@ __all__ = [
     "area_vectors",
     "boundary",
     "components",
+    "cross",
     "equal_neighbors",
     "half_edges",
+    "unique_rows",
     "volumes",
 ]
 
 FACES: Final = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))  # of a tetrahedron, counterclockwise seen from outside
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross products of vectors (n, 3) and (n, 3): the bits of `numpy.cross`, several times as fast."""
+    out = np.empty(a.shape)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[:, j] * b[:, k], a[:, k] * b[:, j], out=out[:, i])
+    return out
+
+
 def area_vectors(points: Array, triangles: Indices) -> Array:
     """Return the areas of triangles (k, 3) of points (n, 3), along their normals: (k, 3), m^2."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
-    return np.asarray(np.cross(b - a, c - a) / 2.0)
+    return np.asarray(cross(b - a, c - a) / 2.0)
 
 
 def volumes(points: Array, cells: Indices) -> Array:
     """Return the signed volumes of tetrahedra (m, 4) of points (n, 3): (m,), m^3; positive for outward `FACES`."""
     a, b, c = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
-    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
+    return np.asarray(np.einsum("ij,ij->i", a, cross(b, c)) / 6.0)
 
 
 def half_edges(triangles: Indices) -> Indices:
@@ -67,6 +77,19 @@ def equal_neighbors(rows: Indices) -> tuple[Indices, Indices]:
     order = np.lexsort(rows.T[::-1])
     same = (rows[order][1:] == rows[order][:-1]).all(axis=1)
     return order[:-1][same], order[1:][same]
+
+
+def unique_rows(rows: Array | Indices) -> tuple[Indices, Indices]:
+    """Return the index of the first of each set of equal rows (u,), sets in ascending order, and the set of each (n,).
+
+    These are the index and the inverse of `numpy.unique` along axis 0, which takes an order of magnitude longer.
+    """
+    order = np.lexsort(rows.T[::-1])
+    first = np.ones(len(rows), dtype=bool)
+    first[1:] = (rows[order][1:] != rows[order][:-1]).any(axis=1)
+    number = np.empty(len(rows), dtype=np.int64)
+    number[order] = np.cumsum(first) - 1
+    return order[first], number
 
 
 def components(a: Indices, b: Indices, count: int) -> Indices:

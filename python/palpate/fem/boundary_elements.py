@@ -23,7 +23,7 @@ from scipy import sparse
 from scipy.linalg import lapack, lu_factor, lu_solve
 
 from palpate.arrays import Array, Flags, Indices
-from palpate.contact.simplices import area_vectors
+from palpate.contact.simplices import area_vectors, unique_rows
 from palpate.fem.errors import BodyError
 from palpate.fem.hat_functions import hat_integrals
 
@@ -89,7 +89,7 @@ class BoundaryElements:
         if self.order == 1:
             return self.triangles
         edges = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]], axis=2)
-        _, number = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+        number = unique_rows(edges.reshape(-1, 2))[1]
         return np.hstack([self.triangles, len(self.points) + number.reshape(-1, 3)])
 
     @cached_property

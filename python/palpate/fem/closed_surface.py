@@ -13,7 +13,7 @@ import numpy as np
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact.mesh import weld
-from palpate.contact.simplices import area_vectors, components, equal_neighbors, half_edges
+from palpate.contact.simplices import area_vectors, components, cross, equal_neighbors, half_edges, unique_rows
 from palpate.fem.errors import BodyError
 from palpate.fem.winding_number import WindingNumber
 
@@ -94,8 +94,7 @@ class ClosedSurface:
         return np.vstack([points, np.array(centers)]), np.concatenate([faces, *fans])
 
     def _hole_message(self, faces: Indices, largest: float, whole: float) -> str:
-        count = np.unique(np.sort(half_edges(faces), axis=1), axis=0, return_counts=True)[1]
-        open_edges = int((count == 1).sum())
+        open_edges = int((np.bincount(unique_rows(np.sort(half_edges(faces), axis=1))[1]) == 1).sum())
         if not open_edges:
             return "the surface has one side only (as a Moebius band), so it encloses no volume: mesh again"
         return (
@@ -119,7 +118,8 @@ class ClosedSurface:
             for other, theirs in enumerate(boxes):
                 if other == k or not _within(own, theirs):
                     continue
-                winding = WindingNumber(points, faces[part == other])(np.unique(own, axis=0)[:: max(1, len(own) // 30)])
+                sample = own[unique_rows(own)[0]][:: max(1, len(own) // 30)]
+                winding = WindingNumber(points, faces[part == other])(sample)
                 level[k] += bool((winding > 0.5).all())
         cavity = level % 2 == 1
         if cavity.any():
@@ -224,10 +224,10 @@ class ClosedSurface:
     @cached_property
     def _edge_normals(self) -> Array:
         """Sum of the unit normals at each edge (3 k, 3), row 3 x triangle + number of the edge's first corner."""
-        _, number = np.unique(np.sort(half_edges(self.triangles), axis=1), axis=0, return_inverse=True)
+        number = unique_rows(np.sort(half_edges(self.triangles), axis=1))[1]
         total = np.zeros((int(number.max()) + 1, 3))
-        np.add.at(total, number.ravel(), np.repeat(self._unit, 3, axis=0))
-        return np.asarray(total[number.ravel()])
+        np.add.at(total, number, np.repeat(self._unit, 3, axis=0))
+        return np.asarray(total[number])
 
     @cached_property
     def _vertex_normals(self) -> Array:
@@ -235,7 +235,7 @@ class ClosedSurface:
         corners = self.vertices[self.triangles]
         for i in range(3):
             a, b = corners[:, (i + 1) % 3] - corners[:, i], corners[:, (i + 2) % 3] - corners[:, i]
-            angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+            angle = np.arctan2(np.linalg.norm(cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
             np.add.at(total, self.triangles[:, i], angle[:, None] * self._unit)
         return total
 
@@ -245,7 +245,8 @@ class ClosedSurface:
         halves = np.sort(half_edges(self.triangles), axis=1)
         one, two = equal_neighbors(halves)
         cosine = np.einsum("ij,ij->i", self._unit[one // 3], self._unit[two // 3])
-        return np.unique(halves[one[cosine < _FEATURE]], axis=0)
+        sharp = halves[one[cosine < _FEATURE]]
+        return sharp[unique_rows(sharp)[0]]
 
     def spikes(self, least: float) -> Indices:
         """Return the vertices, with edges of `least`, m, or more, whose triangles all turn 35 degrees from the normal.

@@ -9,14 +9,25 @@ from scipy.sparse import csr_matrix, diags
 from scipy.spatial import cKDTree
 
 from palpate.arrays import Array, Flags, Indices
-from palpate.contact.simplices import FACES, adjacent_faces, boundary, components, equal_neighbors, half_edges, volumes
+from palpate.contact.simplices import (
+    FACES,
+    adjacent_faces,
+    boundary,
+    components,
+    cross,
+    equal_neighbors,
+    half_edges,
+    unique_rows,
+    volumes,
+)
 from palpate.fem.closed_surface import ClosedSurface
 
 MIN_ANGLE: Final = 10.0  # degrees, smallest dihedral angle that a moved point may leave
 _REACH: Final = 0.5  # spacings within which a surface point moves to a sharp edge
 _LONG: Final = 4.0  # spacings, least length of connected sharp edges that are kept; shorter ones are roughness
 _SMOOTHINGS: Final = 4
-_EDGES: Final = ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2), (1, 2, 0, 3), (1, 3, 0, 2), (2, 3, 0, 1))
+_EDGES: Final = np.array([(0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2), (1, 2, 0, 3), (1, 3, 0, 2), (2, 3, 0, 1)])
+_BLOCK: Final = 1 << 10  # tetrahedra whose angles are computed together
 
 
 def improve(surface: ClosedSurface, points: Array, cells: Indices, spacing: float) -> Array:
@@ -39,12 +50,13 @@ def improve(surface: ClosedSurface, points: Array, cells: Indices, spacing: floa
 
 def min_angles(points: Array, cells: Indices) -> Array:
     """Return the smallest dihedral angle of each tetrahedron (m,), degrees; negative if it is inverted."""
-    corners = points[cells]
-    least = np.full(len(cells), np.pi)
-    for i, j, k, m in _EDGES:
-        edge = corners[:, j] - corners[:, i]
-        u, v = np.cross(edge, corners[:, k] - corners[:, i]), np.cross(edge, corners[:, m] - corners[:, i])
-        least = np.minimum(least, np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("ij,ij->i", u, v)))
+    least = np.empty(len(cells))
+    for begin in range(0, len(cells), _BLOCK):
+        corners = points[cells[begin : begin + _BLOCK]][:, _EDGES].reshape(-1, 4, 3)  # six rows for each tetrahedron
+        edge, one, other = (corners[:, i] - corners[:, 0] for i in (1, 2, 3))
+        u, v = cross(edge, one), cross(edge, other)
+        angle = np.arctan2(np.linalg.norm(cross(u, v), axis=1), np.einsum("ij,ij->i", u, v))
+        least[begin : begin + _BLOCK] = angle.reshape(-1, len(_EDGES)).min(axis=1)
     return np.asarray(np.degrees(least) * np.sign(volumes(points, cells)))
 
 
@@ -153,8 +165,8 @@ def manifold(points: Array, cells: Indices) -> tuple[Array, Indices]:
     for _ in range(50):
         triangles = boundary(cells)
         edges = np.sort(half_edges(triangles), axis=1)
-        edges, count = np.unique(edges, axis=0, return_counts=True)
-        crowded = edges[count > 2]
+        first, number = unique_rows(edges)
+        crowded = edges[first[np.bincount(number) > 2]]
         if len(crowded) == 0:
             break
         drop = np.zeros(len(cells), dtype=bool)

@@ -19,10 +19,10 @@ from palpate.fem.mesh_estimate import (
     _PROGRAM,
     _inner_samples,
     _needed,
-    _surface_samples,
     check_memory_before,
     check_parts,
     estimate,
+    surface_samples,
 )
 from palpate.fem.modes_cost import fill, modes_cost
 from palpate.fem.multifrontal import MultifrontalSolver
@@ -110,7 +110,7 @@ def test_a_surface_is_sampled_at_least_every_step_within_the_number_of_samples(m
     corners = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.0, 0.04, 0.0], [0.0, 0.0, 0.01]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     surface = ClosedSurface(corners, faces)
-    points, owner = _surface_samples(surface, 0.0101)
+    points, owner = surface_samples(surface, 0.0101)
     for triangle in range(4):
         a, b, c = surface.vertices[surface.triangles[triangle]]
         longest = max(float(np.linalg.norm(one)) for one in (b - a, c - b, a - c))
@@ -121,11 +121,11 @@ def test_a_surface_is_sampled_at_least_every_step_within_the_number_of_samples(m
         assert weights.min() >= -1e-12
         assert weights.sum(axis=0).max() <= 1.0 + 1e-12
         np.testing.assert_allclose(np.column_stack([b - a, c - a]) @ weights, (own - a).T, atol=1e-12)
-    assert len(_surface_samples(surface, 1e-6)[0]) == 4 * 61 * 62 // 2  # not more, however fine
-    assert len(_surface_samples(surface, 1.0)[0]) == 4 * 3
+    assert len(surface_samples(surface, 1e-6)[0]) == 4 * 61 * 62 // 2  # not more, however fine
+    assert len(surface_samples(surface, 1.0)[0]) == 4 * 3
     for allowed, n in ((1e5, 60), (600, 15), (200, 7), (60, 3), (1, 1)):  # halved until few enough
         monkeypatch.setattr("palpate.fem.mesh_estimate._SAMPLES", allowed)
-        assert len(_surface_samples(surface, 1e-6)[0]) == 4 * (n + 1) * (n + 2) // 2
+        assert len(surface_samples(surface, 1e-6)[0]) == 4 * (n + 1) * (n + 2) // 2
 
 
 def test_the_budget_of_a_given_mesh_counts_the_modes_before_it_is_condensed() -> None:

@@ -47,6 +47,12 @@ def build(
         str | None, typer.Option("--depth", help="Of its presses; default: a quarter of its radius.")
     ] = None,
     accuracy: Annotated[str | None, typer.Option("--accuracy", help="Of its force; default: 5%.")] = None,
+    growth: Annotated[
+        float | None,
+        typer.Option(
+            "--growth", help="Of the edges, per distance from --touch; default: 0.3 with --tip-radius, else 0."
+        ),
+    ] = None,
     mesher: Annotated[
         Literal["stuffing", "ftetwild"],
         typer.Option("--mesher", help="Of a surface: stuffing (deterministic) or ftetwild (extra mesher)."),
@@ -91,6 +97,7 @@ def build(
             "tip_radius": tip_radius,
             "depth": depth,
             "accuracy": accuracy,
+            "growth": growth,
             "modes": modes,
         }
         if boundary and any(interior.values()):

@@ -13,15 +13,16 @@ import numpy as np
 
 from palpate.contact.mesh import Mesh, read_triangles
 from palpate.fem.body import Body
-from palpate.fem.checks import positive, unit_of_length, warn_of_size, whole
+from palpate.fem.checks import not_negative, positive, unit_of_length, warn_of_size, whole
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.condensation import Condensation, check_memory, check_memory_of_modes, speed
 from palpate.fem.contact_accuracy import spacing_for
 from palpate.fem.elements import Elements, check_order
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, Region, SurfaceLayer
-from palpate.fem.mesh_estimate import check_memory_before, check_parts, estimate
+from palpate.fem.mesh_estimate import check_memory_before, check_parts, estimate, surface_samples
 from palpate.fem.modes_cost import modes_cost
+from palpate.fem.refinement import Size, graded_size
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.storage import BodyData, check_target, write
 from palpate.fem.vibration import Modes
@@ -38,6 +39,7 @@ from palpate.fem.volume import (
 )
 
 _LARGEST = 1e3  # m, extent of a body
+_GROWTH = 0.3  # of the edges, per distance from the touched region
 _NODES = 4e4  # of a body whose spacing is not given; about a minute and 2 GB
 
 
@@ -56,6 +58,7 @@ def build(
     tip_radius: float | str | None = None,
     depth: float | str | None = None,
     accuracy: float | str | None = None,
+    growth: float | None = None,
     mesher: Mesher = "stuffing",
     order: int = 2,
     modes: int = 0,
@@ -82,6 +85,8 @@ def build(
         tip_radius: of a sphere, m or text, for which the spacing is chosen in place of `spacing`; see `spacing_for`.
         depth: of its presses, m or text; None for a quarter of its radius.
         accuracy: of its force, such as "5%" (default).
+        growth: by which the edges grow, per distance from the surface in `touch`, up to the default spacing; 0: all
+            edges have one spacing. None for 0.3 with `tip_radius` and `touch`, otherwise 0.
         mesher: of a surface, "stuffing" (deterministic) or "ftetwild"; see `fill`.
         order: 2 for quadratic tetrahedra, 1 for linear ones, which lock as Poisson's ratio approaches 0.5.
         modes: number of vibration modes to compute for `Body.modal`.
@@ -98,6 +103,7 @@ def build(
     check_mesher(mesher)
     modes = whole(modes, "modes", 0)
     positive(memory, "byte", "memory")
+    growth = _chosen_growth(growth, tip_radius, touch, mesher)
     spacing = _chosen_spacing(spacing, tip_radius, depth, accuracy)
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, surface_layer)
@@ -109,10 +115,12 @@ def build(
         check_parts(surface, dirichlet, step)
         check_memory_before(surface, step, order, memory, touched=contact is None, modes=modes)
 
-    volume = volume_of(source, unit=unit, spacing=spacing, mesher=mesher, check=check)
+    volume = volume_of(
+        source, unit=unit, spacing=spacing, mesher=mesher, check=check, growth=growth, touch=contact if growth else None
+    )
     stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
     elements = Elements(volume, material, dirichlet, contact, order)
-    contents = _condense(elements, modes, memory, stages, {"unit": unit, "modes": modes})
+    contents = _condense(elements, modes, memory, stages, {"unit": unit, "modes": modes, "growth": growth})
     if output is not None:
         write(contents, output)
     return Body(contents)
@@ -214,10 +222,13 @@ def volume_of(
     spacing: float | str | None = None,
     mesher: Mesher = "stuffing",
     check: Callable[[ClosedSurface, float], None] | None = None,
+    growth: float = 0.0,
+    touch: Selector | None = None,
 ) -> Volume:
     """Return the tetrahedral mesh of `source`, which is filled if it is a surface; see `build`.
 
-    `check` is called with the surface and the spacing, m, before the surface is filled.
+    `check` is called with the surface and the largest spacing, m, before the surface is filled. The mesh is graded if
+    there is a region `touch`.
     """
     if isinstance(source, Volume):
         return source
@@ -226,9 +237,12 @@ def volume_of(
         return read_volume(source, unit=unit)
     surface, name = _surface_to_fill(source, unit)
     step = _spacing_of(surface, spacing)
+    size = None
+    if touch is not None:
+        size, step = _graded(surface, step, growth, touch)
     if check is not None:
         check(surface, step)
-    return fill_surface(surface, step, mesher=mesher, source=name)
+    return fill_surface(surface, step, mesher=mesher, source=name, size=size)
 
 
 def _surface_to_fill(source: Mesh | str | Path, unit: str | None) -> tuple[ClosedSurface, str]:
@@ -279,6 +293,28 @@ def _spacing_of(surface: ClosedSurface, spacing: float | str | None) -> float:
             f"spacing: {step:g} m exceeds the extent of the body, {surface.extent:.4g} m; use a smaller one"
         )
     return step
+
+
+def _chosen_growth(growth: float | None, tip_radius: object, touch: object, mesher: str) -> float:
+    """Return the growth of the edges. Raise BodyError if the mesh cannot be graded."""
+    if growth is None:
+        return 0.0 if tip_radius is None or touch is None or mesher != "stuffing" else _GROWTH
+    growth = not_negative(growth, "", "growth")
+    if growth and touch is None:
+        raise BodyError('growth: edges grow from the touched region: give it, such as touch="z > 40 mm"')
+    if growth and mesher != "stuffing":
+        raise BodyError(f'growth: {mesher} has one spacing: use mesher="stuffing", or leave out the growth')
+    return growth
+
+
+def _graded(surface: ClosedSurface, step: float, growth: float, touch: Selector) -> tuple[Size, float]:
+    """Return the edges of a graded mesh, `step`, m, at the touched region, and the largest of them, m."""
+    places = surface_samples(surface, step)[0]
+    places = places[touch.inside(places)]
+    if not len(places):
+        raise BodyError(f'touch: no place of the surface lies in "{touch}": choose another region')
+    largest = max(step, _spacing_of(surface, None))
+    return graded_size(places, step, growth, largest), largest
 
 
 def _check_extent(extent: float, name: str) -> None:

@@ -246,7 +246,7 @@ class ClosedSurface:
         one, two = equal_neighbors(halves)
         cosine = np.einsum("ij,ij->i", self._unit[one // 3], self._unit[two // 3])
         sharp = halves[one[cosine < _FEATURE]]
-        return sharp[unique_rows(sharp)[0]]
+        return np.asarray(sharp[unique_rows(sharp)[0]])
 
     def spikes(self, least: float) -> Indices:
         """Return the vertices, with edges of `least`, m, or more, whose triangles all turn 35 degrees from the normal.

@@ -83,7 +83,7 @@ def check_parts(surface: ClosedSurface, fixed: Sequence[Selector], spacing: floa
     """Raise BodyError if a separate part of the surface has no fixed place."""
     part = _solid_parts(surface)
     count = int(part.max()) + 1
-    points, triangle = _surface_samples(surface, spacing / 4.0)
+    points, triangle = surface_samples(surface, spacing / 4.0)
     place = np.zeros(len(points), dtype=bool)
     for region in fixed:
         place |= region.inside(points)
@@ -144,7 +144,7 @@ def _solid_parts(surface: ClosedSurface) -> Indices:
     return components(one, two, count)[part]
 
 
-def _surface_samples(surface: ClosedSurface, step: float) -> tuple[Array, Indices]:
+def surface_samples(surface: ClosedSurface, step: float) -> tuple[Array, Indices]:
     """Return the corners of the triangles and points within them about `step` apart, with their triangles."""
     corners = surface.vertices[surface.triangles]
     size = np.linalg.norm(np.roll(corners, 1, axis=1) - corners, axis=2).max(axis=1)

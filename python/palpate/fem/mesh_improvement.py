@@ -44,7 +44,7 @@ def improve(surface: ClosedSurface, points: Array, cells: Indices, spacing: floa
         target = graph @ points
         target[on] = surface.nearest((skin @ points)[on])[0]
         target[sharp] = points[sharp]
-        points = _move(points, target, cells)
+        points = move(points, target, cells)
     return points
 
 
@@ -60,7 +60,7 @@ def min_angles(points: Array, cells: Indices) -> Array:
     return np.asarray(np.degrees(least) * np.sign(volumes(points, cells)))
 
 
-def _move(points: Array, target: Array, cells: Indices) -> Array:
+def move(points: Array, target: Array, cells: Indices) -> Array:
     """Move points to `target` (n, 3) unless a tetrahedron around them would get a small angle."""
     allowed = np.minimum(MIN_ANGLE, min_angles(points, cells) - 1e-9)
     free = np.ones(len(points), dtype=bool)

@@ -23,6 +23,7 @@ from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.isosurface_stuffing import lattice_over, stuff
 from palpate.fem.mesh_improvement import improve, manifold
 from palpate.fem.mesher import tetrahedra
+from palpate.fem.refinement import Size, refine
 from palpate.files import check_readable
 from palpate.files.isolated import IsolatedError, run_isolated
 
@@ -267,8 +268,10 @@ def check_mesher(mesher: str) -> None:
         raise BodyError(f'mesher: "stuffing" or "ftetwild", not {mesher!r}')
 
 
-def fill_surface(surface: ClosedSurface, step: float, *, mesher: Mesher, source: str) -> Volume:
-    """Fill a closed surface with edges of about `step`, m; see `fill`."""
+def fill_surface(
+    surface: ClosedSurface, step: float, *, mesher: Mesher, source: str, size: Size | None = None
+) -> Volume:
+    """Fill a closed surface with edges of about `step`, m, or of `size` where that is smaller; see `fill`."""
     _check_count(6.0 * 2.0**0.5 * surface.volume / step**3, source)  # count of regular tetrahedra
     thick = surface.thickness
     if mesher == "stuffing" and step > _THICK * thick:
@@ -281,6 +284,9 @@ def fill_surface(surface: ClosedSurface, step: float, *, mesher: Mesher, source:
             points, cells = tetrahedra(surface.vertices, surface.triangles.astype(np.int32), step)
         else:
             points, cells = _stuffed(surface, step)
+            if size is not None and len(cells):
+                points, cells = refine(surface, points, cells, size, _MAX_COUNT)
+                points = improve(surface, points, cells, float(size(points).min()))
     except BodyError as problem:
         raise BodyError(f"{source}: {problem}") from None
     enclosed = surface.volume

@@ -114,8 +114,8 @@ def cylinder(tmp_path: Path) -> Path:
 
 
 def built(file: Path, **options: Any) -> fem.Body:
-    options = {"touch": "sphere 0 0 0 radius 10 mm", "spacing": "4 mm", **options}
-    return fem.build(file, unit="m", young=10e3, poisson=0.45, fixed="z <= -20 mm", **options)
+    usual = {"touch": "sphere 0 0 0 radius 10 mm", "spacing": "4 mm", "fixed": "z <= -20 mm"}
+    return fem.build(file, unit="m", young=10e3, poisson=0.45, **{**usual, **options})
 
 
 def test_a_graded_body_has_the_force_of_a_uniform_one(cylinder: Path) -> None:
@@ -146,6 +146,18 @@ def test_a_tip_and_a_touched_region_grade_the_mesh_by_default(cylinder: Path) ->
 def test_what_cannot_be_graded_is_refused(cylinder: Path, options: dict[str, Any], words: str) -> None:
     with pytest.raises(BodyError, match=words):
         built(cylinder, **options)
+
+
+def test_a_body_too_thin_for_the_coarse_part_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    """A dumbbell whose thin handle lies far from the touched region."""
+    z = np.linspace(0.0, 0.1, 61)
+    ball = np.sqrt(np.maximum(0.02**2 - (np.minimum(z, 0.1 - z) - 0.02) ** 2, 0.0)) * (np.minimum(z, 0.1 - z) < 0.04)
+    profile = np.stack([np.where((z > 0.03) & (z < 0.07), np.maximum(ball, 2e-3), ball), z], axis=1)
+    trimesh.creation.revolve(profile, sections=32).export(tmp_path / "dumbbell.stl")
+    options = {"spacing": "2.5 mm", "fixed": "z < 50 mm", "touch": "z > 97 mm", "order": 1}
+    with pytest.raises(BodyError, match="growth=0 has the small spacing everywhere"):
+        built(tmp_path / "dumbbell.stl", **options, growth=0.5)
+    assert len(built(tmp_path / "dumbbell.stl", **options).nodes) > 10
 
 
 def test_a_mesh_that_would_be_too_large_is_refused() -> None:

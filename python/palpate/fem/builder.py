@@ -242,7 +242,12 @@ def volume_of(
         size, step = _graded(surface, step, growth, touch)
     if check is not None:
         check(surface, step)
-    return fill_surface(surface, step, mesher=mesher, source=name, size=size)
+    try:
+        return fill_surface(surface, step, mesher=mesher, source=name, size=size)
+    except BodyError as problem:
+        if size is None:
+            raise
+        raise BodyError(f"{problem}; the mesh is graded: growth=0 has the small spacing everywhere") from None
 
 
 def _surface_to_fill(source: Mesh | str | Path, unit: str | None) -> tuple[ClosedSurface, str]:

@@ -92,6 +92,18 @@ def test_a_graded_ball_has_good_angles_on_its_surface_and_few_vertices() -> None
     assert len(graded.points) < 4000  # a ball with edges of 2 mm has about 60,000
 
 
+def test_new_points_of_the_surface_lie_on_it_before_the_mesh_is_improved() -> None:
+    """Cells that are far smaller than the coarse ones follow the ball, and not the chords of the coarse ones."""
+    surface = surface_of(trimesh.creation.icosphere(5, 0.04))
+    coarse = fill_surface(surface, 12e-3, mesher="stuffing", source="ball")
+    points, cells = refine(surface, coarse.points, coarse.tetrahedra, graded_size(TOP, 0.8e-3, 0.4, 12e-3), 1e6)
+    skin = points[np.unique(boundary(cells))]
+    near = np.linalg.norm(skin - TOP, axis=1) < 5e-3
+    assert near.sum() > 40
+    assert np.quantile(surface.distance(skin[near]), 0.95) < 1e-9
+    assert (min_angles(points, cells) > 5.0).all()
+
+
 def test_the_numbers_of_the_surface_change_no_bit() -> None:
     rng = np.random.default_rng(2)
     order = rng.permutation(len(BALL.vertices))

@@ -22,6 +22,8 @@ struct DeformationFrame {
   std::vector<double> displacement;  ///< of all points, 3 x point + axis, body frame, m; allocated beforehand
 };
 
+class BodyWithSupports;
+
 /// A deformable body as a servo loop uses it: stepped once per period by one tip, in the body's own frame.
 ///
 /// A body whose model takes longer than a tick updates it outside the tick: synchronously in virtual time (`step_synchronously`,
@@ -62,6 +64,9 @@ class DeformableObject {
   /// Whether the model is updated outside the tick; update_model() performs one update.
   [[nodiscard]] virtual bool is_multirate() const noexcept { return false; }
   virtual void update_model() {}
+
+  /// This body, if its supports can change while a loop runs (see supported_body.hpp); otherwise null.
+  [[nodiscard]] virtual BodyWithSupports* with_supports() noexcept { return nullptr; }
 
   /// Set the buffer that receives the deformation after each model update; null to stop. One loop at a time.
   virtual void set_observer(LatestValue<DeformationFrame>* /*observer*/) noexcept {}

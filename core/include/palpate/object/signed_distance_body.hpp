@@ -30,6 +30,7 @@ struct SignedDistanceOptions {
   double retardation_time = 1.0;          ///< s
   int tips = 1;                           ///< at most SignedDistanceContact::max_tips
   std::vector<Vector3<>> contact_points;  ///< of a rigid tool: centers of its equal tips less the tip's center, m; none: one tip
+  double rim = 0.0;                       ///< radius of the rounded edge of a flat end, m; 0: a quarter of the mean node spacing
 };
 
 /// A linear body whose contact follows the tip's signed distance (SignedDistanceContact): static, of a standard linear solid, or with
@@ -49,7 +50,7 @@ class SignedDistanceBody : public DeformableObject {
     std::unique_ptr<const deformable::BodyMotion> motion;  ///< at rest; null: static
     double sideways = 1.0;
     deformable::DryFriction friction;
-    double rim = 0.0;  ///< radius of the rounded edge of a flat end: a quarter of the mean node spacing, m
+    double rim = 0.0;  ///< radius of the rounded edge of a flat end, m
     int tips = 1;
     std::vector<Vector3<>> contact_points;  ///< of a rigid tool, see SignedDistanceOptions
 
@@ -60,9 +61,11 @@ class SignedDistanceBody : public DeformableObject {
           patches(surface, deformable::creep_law(options.instantaneous_ratio, options.retardation_time, options.period)),
           sideways(options.sideways),
           friction(options.friction),
+          rim(options.rim),
           tips(options.contact_points.empty() ? options.tips : static_cast<int>(options.contact_points.size())),
           contact_points(options.contact_points) {
-      for (std::int32_t i = 0; i < nodes.size(); ++i) rim += 0.25 * patches.round.spacing(i) / nodes.size();
+      if (!(rim > 0.0))
+        for (std::int32_t i = 0; i < nodes.size(); ++i) rim += 0.25 * patches.round.spacing(i) / nodes.size();
       const bool moves = !options.modes.frequencies.empty();
       const std::size_t size = 3 * static_cast<std::size_t>(nodes.size());
       std::vector<float> period;
@@ -133,6 +136,9 @@ class SignedDistanceBody : public DeformableObject {
   }
 
   [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override { return std::make_unique<SignedDistanceBody>(data_); }
+
+ protected:
+  [[nodiscard]] deformable::SignedDistanceContact& contact_of_tips() noexcept { return contact_; }
 
  private:
   static constexpr double same_side = 0.7;  // least |sum of normal forces| over the sum of their norms: within about 45 degrees

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -23,6 +24,7 @@
 #include "palpate/object/scene.hpp"
 #include "palpate/object/signed_distance_body.hpp"
 #include "palpate/object/spring_wall.hpp"
+#include "palpate/object/supported_body.hpp"
 #include "palpate/servo/config_force_objects.hpp"
 #include "palpate/servo/config_reader.hpp"
 #if defined(PALPATE_HYPERELASTIC)
@@ -229,8 +231,48 @@ template <class Model>
   return out;
 }
 
+/// Read the phases of a body's supports: the first step of each, and the role of each node (0: deforms only, 1: touched, 2: held).
+[[nodiscard]] inline std::vector<object::BodyWithSupports::Change> read_support_changes(const Section& from, std::size_t nodes) {
+  const std::vector<std::int32_t> steps = from.blob<std::int32_t>("support_steps", -1, 1);
+  const auto phases = static_cast<std::int64_t>(steps.size());
+  const std::vector<std::uint8_t> roles = from.blob<std::uint8_t>("support_roles", phases, static_cast<std::int64_t>(nodes));
+  std::vector<object::BodyWithSupports::Change> changes;
+  const bool ordered = std::adjacent_find(steps.begin(), steps.end(), std::greater_equal<>()) == steps.end();
+  if (steps.empty() || steps.front() != 0 || !ordered) from.fail("support_steps", "must increase from 0 on");
+  for (std::size_t p = 0; p < steps.size() && roles.size() == steps.size() * nodes; ++p) {
+    changes.push_back({steps[p], {}});
+    deformable::SupportNodes& of = changes.back().nodes;
+    for (std::size_t i = 0; i < nodes; ++i) {
+      const std::uint8_t role = roles[p * nodes + i];
+      if (role == 2) of.held.push_back(static_cast<std::int32_t>(i));
+      if (role == 1) of.touched.push_back(static_cast<std::int32_t>(i));
+      if (role > 2) from.fail("support_roles", "must be 0, 1 or 2");
+    }
+    if (of.touched.empty()) from.fail("support_roles", "must leave a node that can be touched");
+  }
+  return changes;
+}
+
+/// Return a body whose supports change.
+template <class Phase>
+[[nodiscard]] std::shared_ptr<const object::DeformableObject> read_supported(ConfigReader& reader, const Section& from,
+                                                                             deformable::CondensedSurface surface,
+                                                                             deformable::DryFriction friction, typename Phase::Maker make) {
+  if (friction.mu_static > 0.0) from.fail("support_steps", "need a body without friction");
+  const auto changes = read_support_changes(from, surface.size());
+  if (!reader.ok()) return nullptr;
+  auto body = std::make_shared<object::SupportedBody<Phase>>(std::make_shared<const deformable::CondensedSurface>(std::move(surface)),
+                                                             changes, std::move(make));
+  if (!body->usable()) {
+    from.fail("support_roles", "hold nodes whose compliance is singular");
+    return nullptr;
+  }
+  return body;
+}
+
 [[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_signed_distance(ConfigReader& reader, const Section& from,
-                                                                                          deformable::SurfaceNodes nodes, const float* full,
+                                                                                          deformable::SurfaceNodes nodes,
+                                                                                          deformable::CondensedSurface condensed,
                                                                                           deformable::DryFriction friction) {
   const std::int64_t count = nodes.size();
   object::SignedDistanceOptions options;
@@ -252,8 +294,16 @@ template <class Model>
   if (options.contact_points.size() > static_cast<std::size_t>(deformable::SignedDistanceContact::max_tips))
     from.fail("contact_points", "are at most " + std::to_string(deformable::SignedDistanceContact::max_tips));
   if (!reader.ok()) return nullptr;
+  if (from.has("support_steps")) {
+    if (!options.modes.frequencies.empty() || options.instantaneous_ratio > 1.0) {
+      from.fail("support_steps", "need a static body");
+      return nullptr;
+    }
+    return read_supported<object::SignedDistancePhase>(reader, from, std::move(condensed), friction,
+                                                       object::SignedDistancePhase::Maker(surface, options));
+  }
   return std::make_shared<object::SignedDistanceBody>(
-      std::make_shared<const object::SignedDistanceBody::Data>(std::move(nodes), full, surface, options));
+      std::make_shared<const object::SignedDistanceBody::Data>(std::move(nodes), condensed.compliance.data(), surface, options));
 }
 
 [[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_body(ConfigReader& reader, const Section& from) {
@@ -294,14 +344,16 @@ template <class Model>
     }
     return own(std::move(nodes), body, friction);
   }
-  const std::vector<float> full = from.blob<float>("compliance", 3 * count, 3 * count);
+  std::vector<float> full = from.blob<float>("compliance", 3 * count, 3 * count);
   const bool rough = friction.mu_static > 0.0;
   if (model == "signed_distance") {
     if (!reader.ok()) return nullptr;
-    return read_signed_distance(reader, from, std::move(nodes), full.data(), friction);
+    return read_signed_distance(reader, from, std::move(nodes), {points, normals, areas, std::move(full)}, friction);
   }
   if (model == "compliance") {
     if (!reader.ok()) return nullptr;
+    if (from.has("support_steps"))
+      return read_supported<object::NormalContactPhase>(reader, from, {points, normals, areas, std::move(full)}, friction, {});
     const deformable::Compliance body(nodes, full.data(), rough);
     return own(std::move(nodes), body, friction);
   }

@@ -13,6 +13,7 @@
 #include "palpate/deformable/contact/tip_geometry.hpp"
 #include "palpate/deformable/linear/body_motion.hpp"
 #include "palpate/deformable/linear/full_compliance.hpp"
+#include "palpate/deformable/linear/support_offset.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
@@ -32,6 +33,7 @@ class NearNodes {
     std::int32_t node = 0;
     int tip = 0;
     bool rubs = false;                                                    // since the last tick at least: friction acts
+    bool barred = false;                                                  // not touched until the tip is clear of it
     Vector3<> force = Vector3<>::Zero(), last_force = Vector3<>::Zero();  // of the tip on the node; that of the last tick, N
     Vector3<> traction = Vector3<>::Zero();                               // friction on the node, across `direction`, N
     Vector3<> last_traction = Vector3<>::Zero();                          // of the last tick, as far as the layer still carries it, N
@@ -75,6 +77,40 @@ class NearNodes {
         tips_(static_cast<std::size_t>(tips)),
         place_of_(static_cast<std::size_t>(nodes.size()) * tips_.size(), -1) {}
 
+  /// Set the displacement of the body by its supports, or null; it must outlive the list.
+  void set_offset(SupportOffset* offset) noexcept { offset_ = offset; }
+  [[nodiscard]] const SupportOffset* offset() const noexcept { return offset_; }
+
+  /// Continue, without places so far, the list `before` of the same body with other supports or touched nodes; `node_after(i)` is the node
+  /// i of `before`, or -1. Nodes that enter until admit_cleared() are barred.
+  template <class NodeAfter>
+  void take_over(const NearNodes& before, NodeAfter node_after) noexcept {
+    travelled_ = before.travelled_;
+    tips_ = before.tips_;
+    for (int k = 0; k < before.count_; ++k) {
+      const Place& old = before.place(k);
+      const std::int32_t node = node_after(old.node);
+      if (node < 0) continue;
+      enter(node, old.tip);
+      Place& p = place(count_ - 1);
+      const Vector3<> free = p.free;
+      p = old;
+      p.node = node;
+      p.free = free;
+      p.clearance = p.clear_until = 0.0;
+      if (k >= before.engaged_) continue;
+      ++engaged_;
+      set_force(count_ - 1);
+    }
+    bars_ = true;
+  }
+  /// Admit the barred places that their tips do not overlap.
+  void admit_cleared() noexcept {
+    bars_ = false;
+    for (int k = engaged_; k < count_; ++k)
+      if (place(k).stiffness == 0.0) place(k).barred = false;
+  }
+
   [[nodiscard]] int tip_count() const noexcept { return static_cast<int>(tips_.size()); }
   [[nodiscard]] Tip& tip(int t) noexcept { return tips_[at(t)]; }
   [[nodiscard]] const Tip& tip(int t) const noexcept { return tips_[at(t)]; }
@@ -91,8 +127,8 @@ class NearNodes {
   [[nodiscard]] Place& place(int k) noexcept { return places_[at(k)]; }
   [[nodiscard]] const Place& place(int k) const noexcept { return places_[at(k)]; }
 
-  /// Update the list for the tips' centers. Return false if more nodes are near than places.
-  bool update() noexcept {
+  /// Update the list for the tips' centers, `all` of it at once. Return false if more nodes are near than places.
+  bool update(bool all = false) noexcept {
     for (const Tip& tip : tips_) travelled_ += 2.5 * tip.way;
     bool renewed = false;
     for (int t = 0; t < tip_count(); ++t) {
@@ -100,7 +136,7 @@ class NearNodes {
       for (int k = 0; tip.jump && k < count_; ++k)
         if (place(k).tip == t) place(k).clearance = 0.0;
       const double moved = (tip.center - tip.listed_center).norm() + (tip.deflection - tip.listed_deflection).norm();
-      if (!tip.jump && moved <= 0.25 * ahead(tip)) continue;
+      if (!tip.jump && !all && moved <= 0.25 * ahead(tip)) continue;
       tip.listed_center = tip.center;
       tip.listed_deflection = tip.deflection;
       if (tip.jump || count_ > capacity / 2) drop_far(t);
@@ -111,7 +147,7 @@ class NearNodes {
     for (bool one_more = !renewed; pending_count_ > 0;) {
       Pending& nearest = nearest_pending();
       const Tip& tip = tips_[at(nearest.tip)];
-      const bool urgent = tip.jump || nearest.gap < 2.5 * tip.way + 0.25 * ahead(tip);
+      const bool urgent = tip.jump || all || nearest.gap < 2.5 * tip.way + 0.25 * ahead(tip);
       if (!urgent && !one_more) break;
       one_more = false;
       if (count_ == capacity) {
@@ -133,6 +169,7 @@ class NearNodes {
       slot(places_[at(count_)].node, places_[at(count_)].tip) = -1;
     }
     engaged_ = pending_count_ = looked_at_ = 0;
+    bars_ = false;
     forces_ = scratch_ = {};
     travelled_ = 0.0;
     std::fill(tips_.begin(), tips_.end(), Tip());
@@ -254,7 +291,7 @@ class NearNodes {
 
   /// Distance of a node's patch from a tip, m, with the node anywhere between rest and the mean displacement.
   [[nodiscard]] double gap(const Tip& tip, std::int32_t node) const noexcept {
-    const Vector3<> y = nodes_->point(node) - tip.listed_center;
+    const Vector3<> y = free_point(node) - tip.listed_center;
     double least = tip.shape.distance(y);
     if (tip.listed_deflection.squaredNorm() > 0.0)
       for (const double share : {0.5, 1.0}) least = std::min(least, tip.shape.distance(y + share * tip.listed_deflection));
@@ -263,10 +300,15 @@ class NearNodes {
 
   /// Whether gap() is less than `most`.
   [[nodiscard]] bool within(const Tip& tip, std::int32_t node, double most) const noexcept {
-    const Vector3<> y = nodes_->point(node) - tip.listed_center;
+    const Vector3<> y = free_point(node) - tip.listed_center;
     most += tip.points->reach(node);
     return tip.shape.within(y, most) || tip.shape.within(y + 0.5 * tip.listed_deflection, most) ||
            tip.shape.within(y + tip.listed_deflection, most);
+  }
+
+  /// Position of a node without a tip, m.
+  [[nodiscard]] Vector3<> free_point(std::int32_t node) const noexcept {
+    return offset_ != nullptr && offset_->active() ? Vector3<>(nodes_->point(node) + offset_->displacement(node)) : nodes_->point(node);
   }
 
   [[nodiscard]] static double ahead(const Tip& tip) noexcept { return margin * tip.shape.radius; }
@@ -303,7 +345,8 @@ class NearNodes {
     }
     const auto kept = std::remove_if(pending_.begin(), pending_.begin() + pending_count_, [t](const Pending& p) { return p.tip == t; });
     pending_count_ = static_cast<int>(kept - pending_.begin());
-    nodes_->query_box(low, high, shape.radius + ahead(tip) + tip.points->max_reach(), [&](std::int32_t node) {
+    const double reach = shape.radius + ahead(tip) + tip.points->max_reach() + (offset_ != nullptr ? offset_->largest() : 0.0);
+    nodes_->query_box(low, high, reach, [&](std::int32_t node) {
       if (slot(node, t) >= 0 || pending_count_ == max_pending || !within(tip, node, ahead(tip))) return;
       pending_[at(pending_count_++)] = {node, t, gap(tip, node)};
     });
@@ -314,7 +357,9 @@ class NearNodes {
     place(count_) = {};
     place(count_).node = node;
     place(count_).tip = tip;
+    place(count_).barred = bars_;
     if (motion_ != nullptr) place(count_).free = motion_->free_displacement(node);
+    if (offset_ != nullptr && offset_->active()) place(count_).free = offset_->displacement(node);
     node_[at(count_)] = node;
     forces_.set(count_, Vector3<>::Zero());
     ++count_;
@@ -335,6 +380,8 @@ class NearNodes {
   const SurfaceNodes* nodes_;
   const FullCompliance* compliance_;
   const BodyMotion* motion_;
+  SupportOffset* offset_ = nullptr;
+  bool bars_ = false;  // nodes that enter are barred
   std::vector<Tip> tips_;
   std::vector<std::int32_t> place_of_;  // by node and tip; -1: none
   int count_ = 0, engaged_ = 0, pending_count_ = 0, looked_at_ = 0;

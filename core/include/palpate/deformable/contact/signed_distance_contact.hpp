@@ -80,9 +80,10 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
   /// Advance by one period with all tips. Does not allocate. Return the result of the first one.
   const ContactResult& step(const PlacedTip* tips) noexcept {
-    bool jump = !started_;
+    bool jump = !started_ || taken_over_;
+    if (offset_ != nullptr) offset_->advance();
     for (int t = 0; t < near_.tip_count(); ++t) jump = place_tip(t, tips[t]) || jump;
-    const bool solved = near_.update();
+    const bool solved = near_.update(taken_over_);
     for (LayerCreep& layer : layers_) layer.begin_period();
     for (int t = 0; t < near_.tip_count(); ++t) check_inside(t, !started_ || near_.tip(t).jump);
     started_ = true;
@@ -90,6 +91,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     for (int t = 0; t < near_.tip_count(); ++t) before[at(t)] = near_.tip(t).force;
     predict();
     const bool converged = iterate(jump);
+    if (offset_ != nullptr) near_.admit_cleared();
+    taken_over_ = false;
     sum_forces();
     if (!jump) check_pushed_through(before);
     finish_tick();
@@ -102,10 +105,28 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     friction_.reset();
     for (LayerCreep& layer : layers_) layer.reset();
     if (motion_) motion_->reset();
-    started_ = false;
+    started_ = taken_over_ = false;
+    if (offset_ != nullptr) offset_->release();
     last_energy_ = tick_energy_ = 0.0;
     newton_.reset();
     results_.fill({});
+  }
+
+  /// Let the supports displace the body by `offset`, which must outlive the contact. For a static body without friction.
+  void set_offset(SupportOffset* offset) noexcept {
+    offset_ = offset;
+    near_.set_offset(offset);
+  }
+
+  /// Continue, at rest so far, the contact `before` of the same body with other supports or touched nodes; `node_after(i)` is the node i of
+  /// `before`, or -1. A node that was not touched before is not touched until the tip is clear of it, so its force begins with zero and no
+  /// energy is supplied. Does not allocate.
+  template <class NodeAfter>
+  void take_over(const SignedDistanceContact& before, NodeAfter node_after) noexcept {
+    near_.take_over(before.near_, node_after);
+    placed_ = before.placed_;
+    started_ = before.started_;
+    taken_over_ = true;
   }
 
   [[nodiscard]] const ContactResult& last(int tip = 0) const noexcept { return results_[at(tip)]; }
@@ -221,7 +242,9 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     for (int k = near_.engaged(); k < near_.count(); ++k) {
       if ((!thorough && near_.certainly_clear(k, iterations_ > 1)) || near_.tip_of(near_.place(k)).lost) continue;
       move_node(k);
-      energy += press_node(k);
+      const double pressed = press_node(k);
+      if (near_.place(k).barred) continue;
+      energy += pressed;
       if (near_.place(k).stiffness > 0.0) near_.engage(k);
     }
     return energy;
@@ -291,7 +314,9 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   }
 
   [[nodiscard]] double height_over(std::int32_t node, const NearNodes::Tip& tip) const noexcept {
-    return (tip.center - nodes_->point(node)).dot(nodes_->normal(node));
+    Vector3<> away = tip.center - nodes_->point(node);
+    if (offset_ != nullptr && offset_->active()) away -= offset_->displacement(node);
+    return away.dot(nodes_->normal(node));
   }
 
   /// Release the body from a tip that has been pushed through. Its center is below the surface at rest, that of a flat end by a quarter of
@@ -334,6 +359,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   /// Record the state of friction and body at the end of the tick.
   void finish_tick() noexcept {
     last_energy_ = stored_energy_ = tick_energy_;
+    if (offset_ != nullptr) stored_energy_ += offset_->energy();
     if (!friction_ && !motion_) return;
     double layers = 0.0;
     BodyMotion::Period period{.nodes = load_node_.data(), .forces = loads_.data()};
@@ -427,6 +453,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   const SurfaceNodes* nodes_;
   const ContactPatches* patches_;
   std::unique_ptr<BodyMotion> motion_;
+  SupportOffset* offset_ = nullptr;
   NearNodes near_;
   LayerFriction friction_;
   std::array<LayerCreep, 2> layers_;              // of the round and the flat points, or empty
@@ -438,6 +465,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   int iterations_ = 0, tick_ = 0;
   Rows<std::int32_t> load_node_{};
   bool started_ = false;
+  bool taken_over_ = false;  // since the last step
 };
 
 }  // namespace palpate::deformable

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -31,6 +32,8 @@ class TipContact {
   /// `nodes` and `model` must outlive the contact. A model without tangential compliance has no friction.
   TipContact(const SurfaceNodes& nodes, Model& model, DryFriction friction = {}) : nodes_(&nodes), model_(&model) {
     if (has_tangential(model) && friction) slip_ = PartialSlip(friction, nodes.size());
+    barred_at_.assign(static_cast<std::size_t>(nodes.size()), -1);
+    barred_.reserve(barred_at_.size());
     max_cross_uplift_.assign(static_cast<std::size_t>(nodes.size()), 0.0);
     for (std::int32_t i = 0; i < nodes.size(); ++i)
       for (std::int32_t j = 0; j < i; ++j)
@@ -47,6 +50,7 @@ class TipContact {
     find_candidates(tip);
     do solve_lcp();
     while (add_violated_nodes(tip));
+    admit_cleared();
     update_contact_force();
     if constexpr (HasTangentialCompliance<Model>)
       if (slip_.enabled()) update_friction(tip);
@@ -62,7 +66,24 @@ class TipContact {
     result_ = {};
     slip_.reset();
     has_last_center_ = false;
+    for (const Candidate& node : barred_) barred_at_[static_cast<std::size_t>(node.node)] = -1;
+    barred_.clear();
     model_->reset();
+  }
+
+  /// Continue, at rest so far, the contact `before` of the same body with other supports or touched nodes; `node_before(i)` is the node i
+  /// in `before`, or -1. A node that was not touched before is not touched until the tip is clear of it, so its force begins with zero and
+  /// no energy is supplied. Does not allocate. Not for contacts with friction.
+  template <class NodeBefore>
+  void take_over(const TipContact& before, NodeBefore node_before) noexcept {
+    max_depth_ = before.max_depth_;
+    max_rest_depth_ = before.max_rest_depth_;
+    for (std::int32_t i = 0; i < nodes_->size(); ++i) {
+      const std::int32_t old = node_before(i);
+      if (old >= 0 && !before.is_barred(old)) continue;
+      barred_at_[static_cast<std::size_t>(i)] = static_cast<std::int32_t>(barred_.size());
+      barred_.push_back({i, 0.0});  // within the reserved capacity
+    }
   }
 
   [[nodiscard]] const ContactResult& last() const noexcept { return result_; }
@@ -136,7 +157,8 @@ class TipContact {
       contact.depth = candidates_[static_cast<std::size_t>(a)].depth;
       if constexpr (has_creep) contact.depth -= (1.0 / contact.coverage - 1.0) * creep_displacement(a);
       lcp_.depth(a) = contact.depth;
-      lcp_.set_diagonal(a, self_compliance_[static_cast<std::size_t>(a)] / contact.coverage);
+      const double layer = layer_compliance_[static_cast<std::size_t>(a)];
+      lcp_.set_diagonal(a, (self_compliance_[static_cast<std::size_t>(a)] - layer) + layer / contact.coverage);
     }
   }
 
@@ -169,6 +191,7 @@ class TipContact {
   int collect_candidates(const Tip& tip, double clearance) noexcept {
     int found = 0;
     max_depth_ = max_rest_depth_ = 0.0;
+    for (Candidate& node : barred_) node.depth = -std::numeric_limits<double>::infinity();  // clear, unless the query finds it
     nodes_->query_tip(
         tip, last_max_rest_depth_,
         [&](std::size_t group, double depth) {
@@ -179,6 +202,10 @@ class TipContact {
         },
         [&](std::int32_t node, double depth) {
           max_rest_depth_ = std::max(max_rest_depth_, depth);
+          if (!barred_.empty() && is_barred(node)) {
+            barred_[static_cast<std::size_t>(barred_at_[static_cast<std::size_t>(node)])].depth = depth - model_->free_displacement(node);
+            return;
+          }
           if constexpr (requires { model_->free_displacement_at_least(node, depth); })
             if (model_->free_displacement_at_least(node, depth + clearance)) return;
           depth -= model_->free_displacement(node);
@@ -192,6 +219,28 @@ class TipContact {
             result_.solved = false;
         });
     return found;
+  }
+
+  [[nodiscard]] bool is_barred(std::int32_t node) const noexcept { return barred_at_[static_cast<std::size_t>(node)] >= 0; }
+
+  /// Admit the barred nodes that the tip does not overlap under the present forces; they may be touched from the next step on.
+  void admit_cleared() noexcept {
+    for (std::size_t k = barred_.size(); k-- > 0;) {
+      double depth = barred_[k].depth;
+      for (int a = 0; a < row_count_ && depth > 0.0; ++a)
+        depth -= lcp_.force(a) * model_->compliance(barred_[k].node, row_node_[static_cast<std::size_t>(a)]);
+      if (depth > 0.0) continue;
+      barred_at_[static_cast<std::size_t>(barred_[k].node)] = -1;
+      barred_[k] = barred_.back();
+      barred_at_[static_cast<std::size_t>(barred_[k].node)] = k + 1 < barred_.size() ? static_cast<std::int32_t>(k) : -1;
+      barred_.pop_back();
+    }
+  }
+
+  /// Self-compliance of a node that a partial coverage of its patch divides; a model may state one that supports do not change.
+  [[nodiscard]] double layer_compliance(std::int32_t node, double self) const noexcept {
+    if constexpr (requires { model_->layer_compliance(node); }) return model_->layer_compliance(node);
+    return self;
   }
 
   static constexpr bool has_creep = requires(const Model& model) { model.creep(); };
@@ -209,12 +258,12 @@ class TipContact {
   /// Creep displacement of the whole patch of row `a` by its own force, m.
   [[nodiscard]] double creep_displacement(int a) const noexcept {
     const Creep creep = model_->creep();
-    return self_compliance_[static_cast<std::size_t>(a)] / creep.period_ratio * creep.decay * creep_state_[static_cast<std::size_t>(a)];
+    return layer_compliance_[static_cast<std::size_t>(a)] / creep.period_ratio * creep.decay * creep_state_[static_cast<std::size_t>(a)];
   }
 
   /// Energy of a contact row per inverse coverage, J: elastic and creep part.
   [[nodiscard]] double coverage_energy(int a, double force) const noexcept {
-    const double self = self_compliance_[static_cast<std::size_t>(a)];
+    const double self = layer_compliance_[static_cast<std::size_t>(a)];
     double energy = 0.5 * force * force * self;
     if constexpr (has_creep) {
       const Creep creep = model_->creep();
@@ -242,6 +291,7 @@ class TipContact {
       lcp_.remove(a);
       std::copy(row_node_.begin() + a + 1, row_node_.begin() + row_count_, row_node_.begin() + a);
       std::copy(self_compliance_.begin() + a + 1, self_compliance_.begin() + row_count_, self_compliance_.begin() + a);
+      std::copy(layer_compliance_.begin() + a + 1, layer_compliance_.begin() + row_count_, layer_compliance_.begin() + a);
       std::copy(creep_state_.begin() + a + 1, creep_state_.begin() + row_count_, creep_state_.begin() + a);
       --row_count_;
     }
@@ -252,11 +302,13 @@ class TipContact {
       lcp_.insert(a);
       std::copy_backward(row_node_.begin() + a, row_node_.begin() + row_count_, row_node_.begin() + row_count_ + 1);
       std::copy_backward(self_compliance_.begin() + a, self_compliance_.begin() + row_count_, self_compliance_.begin() + row_count_ + 1);
+      std::copy_backward(layer_compliance_.begin() + a, layer_compliance_.begin() + row_count_, layer_compliance_.begin() + row_count_ + 1);
       std::copy_backward(creep_state_.begin() + a, creep_state_.begin() + row_count_, creep_state_.begin() + row_count_ + 1);
       ++row_count_;
       row_node_[at] = node;
       creep_state_[at] = 0.0;
       self_compliance_[at] = lcp_.compliance(a, a) = model_->compliance(node, node);
+      layer_compliance_[at] = layer_compliance(node, self_compliance_[at]);
       for (int b = 0; b < row_count_; ++b)
         if (b != a) lcp_.compliance(a, b) = lcp_.compliance(b, a) = model_->compliance(node, row_node_[static_cast<std::size_t>(b)]);
     }
@@ -325,7 +377,7 @@ class TipContact {
     for (int c = 0; c < result_.nodes; ++c) {
       const auto a = static_cast<std::size_t>(contact_rows_[static_cast<std::size_t>(c)]);
       const double f = forces_[static_cast<std::size_t>(c)],
-                   extra_compliance = (1.0 / node_contacts_[a].coverage - 1.0) * self_compliance_[a];
+                   extra_compliance = (1.0 / node_contacts_[a].coverage - 1.0) * layer_compliance_[a];
       compliance_work += f * (node_contacts_[a].depth - extra_compliance * f);
       Creep creep;
       if constexpr (has_creep) creep = model_->creep();
@@ -359,11 +411,14 @@ class TipContact {
   double candidate_clearance_ = 0.0;      // nodes farther above the tip surface are not LCP rows at first, m
   std::vector<double> max_cross_uplift_;  // by node: largest uplift of another node per unit force on it, m/N
   std::array<Candidate, max_candidates> candidates_{};
+  std::vector<Candidate> barred_;        // nodes that are not touched until the tip is clear of them
+  std::vector<std::int32_t> barred_at_;  // by node: index in `barred_`, or -1
   std::array<NodeContact, capacity> node_contacts_{};
-  std::array<std::int32_t, capacity> row_node_{};   // by row
-  std::array<double, capacity> self_compliance_{};  // by row, m/N
-  std::array<double, capacity> creep_state_{};      // by row, N
-  std::array<double, capacity> rest_depth_{};       // depth against the undeformed surface, by row, m
+  std::array<std::int32_t, capacity> row_node_{};    // by row
+  std::array<double, capacity> self_compliance_{};   // by row, m/N
+  std::array<double, capacity> layer_compliance_{};  // by row, m/N
+  std::array<double, capacity> creep_state_{};       // by row, N
+  std::array<double, capacity> rest_depth_{};        // depth against the undeformed surface, by row, m
   std::array<std::int32_t, capacity> contact_nodes_{};
   std::array<double, capacity> forces_{};
   std::array<int, capacity> contact_rows_{};    // row of each contact node

@@ -1,0 +1,134 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "palpate/deformable/contact/patch_points.hpp"
+#include "palpate/deformable/contact/surface_nodes.hpp"
+#include "palpate/deformable/contact/tip_contact.hpp"
+#include "palpate/deformable/linear/support_field.hpp"
+#include "palpate/deformable/linear/support_offset.hpp"
+#include "palpate/deformable/linear/support_phase.hpp"
+#include "palpate/deformable/linear/supported_compliance.hpp"
+#include "palpate/math/vector.hpp"
+#include "palpate/object/signed_distance_body.hpp"
+
+namespace palpate::object {
+
+/// Contact of a linear body along its normals between two changes of its supports; see SupportedBody.
+class NormalContactPhase {
+ public:
+  /// What copies share.
+  struct Data {
+    std::shared_ptr<const deformable::SupportPhase> phase;
+    deformable::SurfaceNodes nodes;
+    deformable::SupportedCompliance model;  // at rest
+
+    explicit Data(std::shared_ptr<const deformable::SupportPhase> of)
+        : phase(std::move(of)), nodes(phase->contact_nodes()), model(nodes, phase) {}
+    Data(const Data&) = delete;
+    Data& operator=(const Data&) = delete;
+    Data(Data&&) = delete;
+    Data& operator=(Data&&) = delete;
+    ~Data() = default;
+  };
+
+  /// The data of every phase of a body.
+  class Maker {
+   public:
+    [[nodiscard]] std::shared_ptr<const Data> operator()(std::shared_ptr<const deformable::SupportPhase> phase) const {
+      return std::make_shared<const Data>(std::move(phase));
+    }
+  };
+
+  explicit NormalContactPhase(std::shared_ptr<const Data> data)
+      : data_(std::move(data)), model_(data_->model), contact_(data_->nodes, model_) {}
+  NormalContactPhase(const NormalContactPhase&) = delete;
+  NormalContactPhase& operator=(const NormalContactPhase&) = delete;
+  NormalContactPhase(NormalContactPhase&&) = delete;
+  NormalContactPhase& operator=(NormalContactPhase&&) = delete;
+  ~NormalContactPhase() = default;
+
+  [[nodiscard]] deformable::SupportField& field() noexcept { return model_.field(); }
+  [[nodiscard]] const deformable::SupportPhase& phase() const noexcept { return *data_->phase; }
+
+  const deformable::ContactResult& step(const deformable::Tip& tip) noexcept { return contact_.step(tip); }
+  [[nodiscard]] const deformable::ContactResult& last() const noexcept { return contact_.last(); }
+  [[nodiscard]] int contact_count() const noexcept { return contact_.last().nodes; }
+  [[nodiscard]] std::int32_t contact_node(int k) const noexcept { return contact_.contact_nodes()[k]; }
+  [[nodiscard]] Vector3<> node_force(int k) const noexcept { return -contact_.forces()[k] * data_->nodes.normal(contact_node(k)); }
+  [[nodiscard]] Vector3<> node_load(int k) const noexcept { return node_force(k); }
+  [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept { return contact_.outward(tip); }
+  void reset() noexcept { contact_.reset(); }
+
+  void take_over(const NormalContactPhase& before) noexcept {
+    const std::vector<std::int32_t>& touched = phase().touched();
+    contact_.take_over(before.contact_, [&](std::int32_t node) { return before.phase().local(touched[static_cast<std::size_t>(node)]); });
+  }
+
+ private:
+  std::shared_ptr<const Data> data_;
+  deformable::SupportedCompliance model_;
+  deformable::TipContact<deformable::SupportedCompliance> contact_;
+};
+
+/// Contact of a static body by signed distance between two changes of its supports; see SupportedBody.
+class SignedDistancePhase final : public SignedDistanceBody {
+ public:
+  struct Data {
+    std::shared_ptr<const SignedDistanceBody::Data> body;
+    std::shared_ptr<const deformable::SupportPhase> phase;
+  };
+
+  /// The data of every phase of a body, from its whole contact surface. Without friction and memory.
+  class Maker {
+   public:
+    Maker(deformable::ContactSurface surface, SignedDistanceOptions options) : surface_(std::move(surface)), options_(std::move(options)) {
+      if (options_.rim > 0.0) return;
+      const deformable::PatchPoints patches(surface_, deformable::PatchPoints::sphere_beta, 1);
+      for (std::int32_t i = 0; i < patches.size(); ++i) options_.rim += 0.25 * patches.spacing(i) / patches.size();
+    }
+
+    [[nodiscard]] std::shared_ptr<const Data> operator()(std::shared_ptr<const deformable::SupportPhase> phase) const {
+      deformable::ContactSurface surface = surface_;
+      surface.modulus.clear();
+      for (const std::int32_t node : phase->touched()) surface.modulus.push_back(surface_.modulus[static_cast<std::size_t>(node)]);
+      for (std::int32_t& node : surface.node)
+        if (node >= 0) node = phase->local(node);
+      auto body = std::make_shared<const SignedDistanceBody::Data>(phase->contact_nodes(), phase->compliance().data(), surface, options_);
+      return std::make_shared<const Data>(Data{std::move(body), std::move(phase)});
+    }
+
+   private:
+    deformable::ContactSurface surface_;
+    SignedDistanceOptions options_;
+  };
+
+  explicit SignedDistancePhase(std::shared_ptr<const Data> data)
+      : SignedDistanceBody(data->body), phase_data_(std::move(data)), offset_(nodes(), phase_data_->phase, sideways()) {
+    contact_of_tips().set_offset(&offset_);
+  }
+
+  [[nodiscard]] deformable::SupportField& field() noexcept { return offset_.field(); }
+  [[nodiscard]] const deformable::SupportPhase& phase() const noexcept { return *phase_data_->phase; }
+  [[nodiscard]] int contact_count() const noexcept { return contact().contact_count(); }
+  [[nodiscard]] std::int32_t contact_node(int k) const noexcept { return contact().contact_node(k); }
+  [[nodiscard]] Vector3<> node_load(int k) const noexcept { return offset_.counted(contact_node(k), node_force(k)); }
+
+  void take_over(const SignedDistancePhase& before) noexcept {
+    const std::vector<std::int32_t>& touched = before.phase().touched();
+    offset_.start_over();
+    contact_of_tips().take_over(before.contact(),
+                                [&](std::int32_t node) { return phase().local(touched[static_cast<std::size_t>(node)]); });
+  }
+
+ private:
+  std::shared_ptr<const Data> phase_data_;
+  deformable::SupportOffset offset_;
+};
+
+}  // namespace palpate::object

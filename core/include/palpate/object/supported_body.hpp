@@ -1,0 +1,184 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "palpate/deformable/linear/support_field.hpp"
+#include "palpate/deformable/linear/support_phase.hpp"
+#include "palpate/math/latest_value.hpp"
+#include "palpate/math/vector.hpp"
+#include "palpate/object/deformable_object.hpp"
+#include "palpate/object/support_phases.hpp"
+
+namespace palpate::object {
+
+/// A deformable body whose supports and touched nodes change while a loop runs.
+class BodyWithSupports : public DeformableObject {
+ public:
+  /// From step `step` on, the nodes that are held and touched.
+  struct Change {
+    std::int64_t step = 0;
+    deformable::SupportNodes nodes;
+  };
+
+  /// Change the supports at the next step. Computes the update in the calling thread and allocates: call it outside the tick, in one thread
+  /// at a time. Of several changes before a step the last one counts. Return false if the held nodes cannot be held together.
+  virtual bool change_supports(deformable::SupportNodes nodes) = 0;
+
+  /// Number of changes so far.
+  [[nodiscard]] virtual std::int64_t changes() const noexcept = 0;
+
+  /// Number of contact nodes of the last step.
+  [[nodiscard]] virtual int contact_count() const noexcept = 0;
+
+  /// Number of nodes of the body.
+  [[nodiscard]] virtual std::size_t size() const noexcept = 0;
+
+  /// Write the displacement of every node after the last step, 3 x node + axis, m. Outside the tick.
+  virtual void displacement(double* out) noexcept = 0;
+
+  virtual void reset() noexcept = 0;
+
+  [[nodiscard]] BodyWithSupports* with_supports() noexcept final { return this; }
+};
+
+/// A linear body, static and without friction, whose supports change at steps that are known, and on request.
+///
+/// Held nodes stay where they are when they are grasped, so a grasp at a displacement displaces the body until it is released
+/// (SupportField). A grasp changes neither displacement nor energy. After a release the body is in its new equilibrium at once; the energy
+/// of the constraint is dissipated. A node that becomes touched while the tip overlaps it is touched once the tip has been clear of it. So
+/// no change supplies energy. The supports do not move, so they do no work.
+///
+/// A step that changes the supports does not allocate. It computes their forces, in a time in proportion to the held nodes times those in
+/// contact or held before.
+template <class Phase>
+class SupportedBody final : public BodyWithSupports {
+ public:
+  using Data = typename Phase::Data;
+  using Maker = typename Phase::Maker;
+
+  /// The changes are in ascending order of their steps; the first one is at step 0.
+  SupportedBody(std::shared_ptr<const deformable::CondensedSurface> surface, const std::vector<Change>& changes, Maker make)
+      : plan_(std::make_shared<Plan>(std::move(surface), std::move(make))) {
+    for (const Change& change : changes) {
+      plan_->steps.push_back(change.step);
+      const auto same = std::find_if(changes.begin(), changes.end(), [&](const Change& c) { return c.nodes == change.nodes; });
+      if (const auto known = static_cast<std::size_t>(same - changes.begin()); known < plan_->phases.size()) {
+        plan_->phases.push_back(plan_->phases[known]);
+        continue;
+      }
+      auto phase = std::make_shared<const deformable::SupportPhase>(plan_->surface, change.nodes);
+      if (!phase->definite()) {
+        usable_ = false;
+        return;
+      }
+      plan_->phases.push_back(plan_->make(std::move(phase)));
+    }
+    start();
+  }
+
+  /// Whether the nodes of every phase can be held together; otherwise the body has no phases and must not be stepped.
+  [[nodiscard]] bool usable() const noexcept { return usable_; }
+
+  const deformable::ContactResult& step(const deformable::Tip& tip) noexcept override {
+    if (next_ < scheduled_.size() && plan_->steps[next_] <= step_) change_to(*scheduled_[next_++]);
+    if (requested_.acquire() && requested_.value()) {
+      Phase& next = *requested_.value();
+      change_to(next);
+      std::swap(live_, requested_.value());  // the phase before is freed by the thread that requests the next change
+    }
+    ++step_;
+    current_->step(tip);
+    for (int k = 0; k < current_->contact_count(); ++k)
+      contact_nodes_[static_cast<std::size_t>(k)] = current_->phase().touched()[static_cast<std::size_t>(current_->contact_node(k))];
+    return current_->last();
+  }
+
+  [[nodiscard]] const deformable::ContactResult& last() const noexcept override { return current_->last(); }
+  [[nodiscard]] const std::int32_t* contact_nodes() const noexcept override { return contact_nodes_.data(); }
+  [[nodiscard]] Vector3<> node_force(int k) const noexcept override { return current_->node_force(k); }
+  [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept override { return current_->outward(tip); }
+  [[nodiscard]] int contact_count() const noexcept override { return current_->contact_count(); }
+
+  [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override {
+    return std::unique_ptr<DeformableObject>(new SupportedBody(plan_));
+  }
+
+  void reset() noexcept override {
+    for (const std::unique_ptr<Phase>& phase : scheduled_) phase->reset();
+    current_ = scheduled_.front().get();
+    step_ = changes_ = 0;
+    next_ = 1;
+  }
+
+  bool change_supports(deformable::SupportNodes nodes) override {
+    auto phase = std::make_shared<const deformable::SupportPhase>(plan_->surface, std::move(nodes));
+    if (!phase->definite()) return false;
+    requested_.write_slot() = std::make_unique<Phase>(plan_->make(std::move(phase)));
+    requested_.publish();
+    return true;
+  }
+
+  [[nodiscard]] std::int64_t changes() const noexcept override { return changes_; }
+  [[nodiscard]] std::size_t size() const noexcept override { return plan_->surface->size(); }
+
+  void displacement(double* out) noexcept override {
+    const int count = gather(*current_);
+    current_->field().react(loads_.data(), count);
+    for (std::size_t i = 0; i < size(); ++i)
+      Eigen::Map<Vector3<>>{out + 3 * i} = current_->field().displacement_under(static_cast<std::int32_t>(i), loads_.data(), count);
+  }
+
+ private:
+  static constexpr std::size_t capacity = 256;  // places of a contact
+
+  struct Plan {
+    Plan(std::shared_ptr<const deformable::CondensedSurface> of, Maker maker) : surface(std::move(of)), make(std::move(maker)) {}
+    std::shared_ptr<const deformable::CondensedSurface> surface;
+    Maker make;
+    std::vector<std::int64_t> steps;
+    std::vector<std::shared_ptr<const Data>> phases;
+  };
+
+  explicit SupportedBody(std::shared_ptr<Plan> plan) : plan_(std::move(plan)) { start(); }
+
+  void start() {
+    for (const auto& data : plan_->phases) scheduled_.push_back(std::make_unique<Phase>(data));
+    reset();
+  }
+
+  /// List the loads of a phase's contact by the nodes of the body. Return their number.
+  int gather(const Phase& phase) noexcept {
+    const int count = std::min(phase.contact_count(), static_cast<int>(capacity));
+    const std::vector<std::int32_t>& touched = phase.phase().touched();
+    for (int k = 0; k < count; ++k)
+      loads_[static_cast<std::size_t>(k)] = {touched[static_cast<std::size_t>(phase.contact_node(k))], phase.node_load(k)};
+    return count;
+  }
+  void change_to(Phase& next) noexcept {
+    const int count = gather(*current_);
+    next.reset();
+    next.field().grasp(current_->field(), loads_.data(), count);
+    next.take_over(*current_);
+    current_ = &next;
+    ++changes_;
+  }
+
+  std::shared_ptr<Plan> plan_;
+  bool usable_ = true;
+  std::vector<std::unique_ptr<Phase>> scheduled_;
+  std::unique_ptr<Phase> live_;  // in use, if the last change was requested
+  Phase* current_ = nullptr;
+  std::size_t next_ = 1;
+  std::int64_t step_ = 0, changes_ = 0;
+  LatestValue<std::unique_ptr<Phase>> requested_;
+  std::array<std::int32_t, capacity> contact_nodes_{};
+  std::array<deformable::NodeLoad, capacity> loads_{};
+};
+
+}  // namespace palpate::object

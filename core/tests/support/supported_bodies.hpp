@@ -1,0 +1,74 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <palpate/object/supported_body.hpp>
+#include <utility>
+#include <vector>
+
+#include "support/contact_bodies.hpp"
+
+namespace supported_bodies {
+
+using palpate::deformable::CondensedSurface, palpate::deformable::SupportNodes, palpate::deformable::Tip, palpate::math::Vector3;
+using palpate::object::BodyWithSupports, palpate::object::NormalContactPhase, palpate::object::SignedDistancePhase,
+    palpate::object::SupportedBody;
+using Change = BodyWithSupports::Change;
+
+inline constexpr double half_width = 10e-3, radius = 4e-3;  // m
+
+/// Elastic half-space with 81 nodes in a square, 2.5 mm apart.
+inline const contact_bodies::SurfaceBody& half_space() {
+  static const contact_bodies::SurfaceBody body = contact_bodies::half_space(8, half_width, 1e4);
+  return body;
+}
+
+inline std::shared_ptr<const CondensedSurface> surface() {
+  const contact_bodies::SurfaceBody& body = half_space();
+  auto s = std::make_shared<CondensedSurface>();
+  const auto n = static_cast<std::size_t>(body.nodes.size());
+  s->compliance.resize(9 * n * n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto node = static_cast<std::int32_t>(i);
+    s->points.push_back(body.nodes.point(node));
+    s->normals.push_back(body.nodes.normal(node));
+    s->areas.push_back(2.5e-3 * 2.5e-3);
+    for (std::size_t j = 0; j < n; ++j)
+      for (std::size_t a = 0; a < 3; ++a)
+        for (std::size_t b = 0; b < 3; ++b)
+          s->compliance[(3 * i + a) * 3 * n + 3 * j + b] = body.compliance.block(node, static_cast<std::int32_t>(j))[3 * a + b];
+  }
+  return s;
+}
+
+/// Nodes for which `inside(point)`, and the others.
+template <class Inside>
+SupportNodes held_where(Inside inside) {
+  SupportNodes nodes;
+  for (std::int32_t i = 0; i < half_space().nodes.size(); ++i)
+    (inside(half_space().nodes.point(i)) ? nodes.held : nodes.touched).push_back(i);
+  return nodes;
+}
+inline SupportNodes free() {
+  return held_where([](const Vector3<>&) { return false; });
+}
+/// The nodes beyond `x` [m] are held.
+inline SupportNodes held_beyond(double x) {
+  return held_where([x](const Vector3<>& p) { return p[0] > x; });
+}
+
+template <class Phase>
+std::unique_ptr<SupportedBody<Phase>> make(std::vector<Change> changes) {
+  if constexpr (std::is_same_v<Phase, NormalContactPhase>)
+    return std::make_unique<SupportedBody<Phase>>(surface(), changes, typename Phase::Maker());
+  else
+    return std::make_unique<SupportedBody<Phase>>(surface(), changes, typename Phase::Maker(half_space().surface, {}));
+}
+
+/// A sphere at depth `deep` [m] over `x`, `y` [m].
+inline Tip sphere(double deep, double x = 0.0, double y = 0.0) {
+  return {.kind = Tip::Kind::sphere, .radius = radius, .center = {x, y, radius - deep}};
+}
+
+}  // namespace supported_bodies

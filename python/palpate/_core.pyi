@@ -206,6 +206,48 @@ def scatter_add(to: Annotated[NDArray[numpy.float32], dict(shape=(None, None), d
     Add from_ to to[rows, columns], both in Fortran order. lower: skip the entries above the diagonal.
     """
 
+class SupportedBody(DeformableBody):
+    """
+    A linear body without friction whose supports and touched nodes change.
+    """
+
+    @overload
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], steps: Sequence[int], roles: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None:
+        """
+        `steps`: first step of each phase. `roles`: of each node in each phase, 0: deforms only, 1: touched, 2: held.
+        """
+
+    @overload
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], steps: Sequence[int], roles: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], node: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], modulus: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], poisson: float, sideways: float = 1.0, lanes: int = 0, contact_points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)] | None = None) -> None:
+        """The same with contact by signed distance."""
+
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+        """
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
+        """
+
+    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+        """Return the duration of each step, s, including the clock's own."""
+
+    def contact_forces(self) -> tuple:
+        """
+        Return the contact nodes of the last step and the forces along their inward normals, N.
+        """
+
+    def displacement(self) -> NDArray[numpy.float64]:
+        """Return the displacement of each node after the last step (n, 3), m."""
+
+    def change_supports(self, role: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """
+        Change the roles of the nodes at the next step: 0: deforms only, 1: touched, 2: held.
+        """
+
+    @property
+    def changes(self) -> int:
+        """Number of changes since the body was at rest."""
+
+    def reset(self) -> None: ...
+
 class ContactObject:
     """An object that a tip touches."""
 
@@ -1125,6 +1167,11 @@ class PremiumLoop:
         Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.
         """
 
+    def change_supports(self, roles: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """
+        Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.
+        """
+
     @property
     def angles(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
 
@@ -1468,6 +1515,11 @@ class SliderLoop:
     def advance(self, begin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], end: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> bool:
         """
         Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.
+        """
+
+    def change_supports(self, roles: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """
+        Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.
         """
 
     @property
@@ -1815,6 +1867,11 @@ class FiveBarLoop:
         Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.
         """
 
+    def change_supports(self, roles: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """
+        Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.
+        """
+
     @property
     def angles(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
 
@@ -2108,6 +2165,11 @@ class TipDeviceLoop:
     def advance(self, begin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], end: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]) -> bool:
         """
         Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.
+        """
+
+    def change_supports(self, roles: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """
+        Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.
         """
 
     @property

@@ -3,7 +3,9 @@
 /// runs on a machine without these registers.
 #include <memory>
 #include <palpate/object/signed_distance_body.hpp>
+#include <palpate/object/supported_body.hpp>
 #include <utility>
+#include <vector>
 
 namespace palpate::body {
 
@@ -18,6 +20,22 @@ std::unique_ptr<object::SignedDistanceBody> make_in_lanes<PALPATE_LANES>(deforma
                                                                          const object::SignedDistanceOptions& options) {
   using Body = object::SignedDistanceBody;
   return std::make_unique<Body>(std::make_shared<const Body::Data>(std::move(nodes), full, surface, options));
+}
+
+template <int lanes>
+std::unique_ptr<object::BodyWithSupports> make_supported_in_lanes(std::shared_ptr<const deformable::CondensedSurface>&& nodes,
+                                                                  const std::vector<object::BodyWithSupports::Change>& changes,
+                                                                  const deformable::ContactSurface& surface,
+                                                                  const object::SignedDistanceOptions& options);
+
+template <>
+std::unique_ptr<object::BodyWithSupports> make_supported_in_lanes<PALPATE_LANES>(
+    std::shared_ptr<const deformable::CondensedSurface>&& nodes, const std::vector<object::BodyWithSupports::Change>& changes,
+    const deformable::ContactSurface& surface, const object::SignedDistanceOptions& options) {
+  using Body = object::SupportedBody<object::SignedDistancePhase>;
+  auto body = std::make_unique<Body>(std::move(nodes), changes, object::SignedDistancePhase::Maker(surface, options));
+  if (!body->usable()) return nullptr;
+  return body;
 }
 
 }  // namespace palpate::body

@@ -3,7 +3,9 @@
 #include <memory>
 #include <palpate/math/machine_lanes.hpp>
 #include <palpate/object/signed_distance_body.hpp>
+#include <palpate/object/supported_body.hpp>
 #include <utility>
+#include <vector>
 
 namespace palpate::body {
 
@@ -13,11 +15,24 @@ std::unique_ptr<object::SignedDistanceBody> make_in_lanes(deformable::SurfaceNod
                                                           const deformable::ContactSurface& surface,
                                                           const object::SignedDistanceOptions& options);
 
+/// The same for a body whose supports change; null if the nodes of a phase cannot be held together.
+template <int lanes>
+std::unique_ptr<object::BodyWithSupports> make_supported_in_lanes(std::shared_ptr<const deformable::CondensedSurface>&& nodes,
+                                                                  const std::vector<object::BodyWithSupports::Change>& changes,
+                                                                  const deformable::ContactSurface& surface,
+                                                                  const object::SignedDistanceOptions& options);
+
 /// The same for at most `lanes` double-precision numbers in a register; 0: the widest of this machine and this build.
 inline std::unique_ptr<object::SignedDistanceBody> make_signed_distance_body(deformable::SurfaceNodes&& nodes, const float* full,
                                                                              const deformable::ContactSurface& surface,
                                                                              const object::SignedDistanceOptions& options, int lanes) {
   return math::with_widest_lanes([&](auto n) { return make_in_lanes<n()>(std::move(nodes), full, surface, options); }, lanes);
+}
+
+inline std::unique_ptr<object::BodyWithSupports> make_supported_signed_distance(
+    std::shared_ptr<const deformable::CondensedSurface>&& nodes, const std::vector<object::BodyWithSupports::Change>& changes,
+    const deformable::ContactSurface& surface, const object::SignedDistanceOptions& options, int lanes) {
+  return math::with_widest_lanes([&](auto n) { return make_supported_in_lanes<n()>(std::move(nodes), changes, surface, options); }, lanes);
 }
 
 }  // namespace palpate::body

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <memory>
 #include <optional>
 #include <palpate/deformable/contact/tip_contact.hpp>
@@ -18,6 +17,7 @@
 #include <palpate/object/signed_distance_body.hpp>
 #include <vector>
 
+#include "body_arrays.hpp"
 #include "body_in_loop.hpp"
 #include "body_lanes.hpp"
 #include "contact_rows.hpp"
@@ -25,27 +25,9 @@
 
 namespace nb = nanobind;
 using namespace nb::literals;
+using namespace body_arrays;  // NOLINT(google-build-using-namespace)
 
 namespace {
-
-using Points = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
-using Numbers = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Matrix = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
-using Flags = nb::ndarray<const bool, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Indices = nb::ndarray<const std::int32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
-using Tensor = nb::ndarray<const double, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
-template <int width>
-using IndexRows = nb::ndarray<const std::int32_t, nb::shape<-1, width>, nb::c_contig, nb::device::cpu>;
-
-std::vector<palpate::math::Vector3<>> points(const Points& a) {
-  std::vector<palpate::math::Vector3<>> list(a.shape(0));
-  for (std::size_t i = 0; i < list.size(); ++i) list[i] = {a.data()[3 * i], a.data()[3 * i + 1], a.data()[3 * i + 2]};
-  return list;
-}
-
-std::vector<double> numbers(const Numbers& a) {
-  return {a.data(), a.data() + a.shape(0)};
-}
 
 /// A body with its nodes and the contact of one tip.
 template <class Kind>
@@ -74,46 +56,6 @@ struct BodyCore : BodyInLoop {
     return {points(at), points(normals), numbers(areas)};
   }
 };
-
-/// Step a contact along a path; see "simulate_path".
-template <class Contact>
-auto step_path(Contact& contact, const Points& centers, const Points& outward, double radius, bool flat) {
-  const std::size_t n = centers.shape(0);
-  const bool faces = outward.shape(0) == 0 && !flat;
-  if (outward.shape(0) != n && !faces) throw nb::value_error("the path needs one direction for each position");
-  auto [rows, row] = new_array<double>({n, result_width});
-  const nb::gil_scoped_release unlocked;
-  palpate::deformable::Tip tip = tip_of(radius, flat, palpate::math::Vector3<>::Zero(), palpate::math::Vector3<>::UnitZ());
-  for (std::size_t i = 0; i < n; ++i, row += result_width) {
-    tip.center = Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i);
-    tip.outward =
-        faces ? contact.outward(tip) : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-    write_result(contact.step(tip), row);
-  }
-  return rows;
-}
-
-/// Return the duration of each step of a contact along a path, s.
-template <class Contact>
-auto path_durations(Contact& contact, const Points& centers, const Points& outward, double radius, bool flat) {
-  const std::size_t n = centers.shape(0);
-  if (outward.shape(0) != n) throw nb::value_error("the path needs one direction for each position");
-  auto [seconds, s] = new_array<double>({n});
-  const nb::gil_scoped_release unlocked;
-  for (std::size_t i = 0; i < n; ++i) {
-    const palpate::deformable::Tip tip = tip_of(radius, flat, Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i),
-                                                Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
-    const auto begin = std::chrono::steady_clock::now();
-    contact.step(tip);
-    s[i] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  }
-  return seconds;
-}
-
-constexpr const char* path_text =
-    "Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without "
-    "directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.";
-constexpr const char* durations_text = "Return the duration of each step, s, including the clock's own.";
 
 /// Bind the functions that all models share.
 template <class Kind>
@@ -160,18 +102,6 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
           "Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.");
 }
 
-template <int width>
-std::vector<std::array<std::int32_t, width>> rows(const IndexRows<width>& a, std::size_t below) {
-  std::vector<std::array<std::int32_t, width>> list(a.shape(0));
-  for (std::size_t r = 0; r < list.size(); ++r)
-    for (std::size_t c = 0; c < width; ++c) {
-      const std::int32_t i = a.data()[r * width + c];
-      if (i < 0 || static_cast<std::size_t>(i) >= below) throw nb::value_error("a network refers to a vertex that does not exist");
-      list[r][c] = i;
-    }
-  return list;
-}
-
 palpate::deformable::SpringNetworkData network_parts(const Points& positions, const Numbers& masses, const Flags& fixed,
                                                      const IndexRows<2>& springs, const Numbers& stiffness, const IndexRows<4>& tetrahedra,
                                                      const Numbers& pressure) {
@@ -191,14 +121,6 @@ palpate::deformable::PatchWeights network_patches(const Indices& begin, const In
   for (const std::int32_t v : p.vertices) fit = fit && v >= 0 && static_cast<std::size_t>(v) < below;
   if (!fit) throw nb::value_error("the patches of the network do not match its nodes and vertices");
   return p;
-}
-
-/// Return an array (n, 3) of n points.
-template <class At>
-auto new_points(std::size_t n, At at) {
-  auto [array, x] = new_array<double>({n, 3});
-  for (std::size_t i = 0; i < n; ++i) Eigen::Map<palpate::math::Vector3<>>(x + 3 * i) = at(i);
-  return array;
 }
 
 void bind_mass_spring(nb::module_& m) {
@@ -261,16 +183,6 @@ struct SignedDistanceCore : BodyInLoop {
     return -body->node_force(c).dot(body->nodes().normal(body->contact().contact_node(c)));
   }
 };
-
-/// Return the contact surface of a body. `node` is the contact node of each vertex, or -1.
-palpate::deformable::ContactSurface contact_surface(const Points& vertices, const IndexRows<3>& triangles, const Indices& node,
-                                                    const Numbers& modulus) {
-  bool fit = node.shape(0) == vertices.shape(0);
-  for (std::size_t i = 0; i < node.shape(0); ++i)
-    fit = fit && node.data()[i] >= -1 && node.data()[i] < static_cast<std::int32_t>(modulus.shape(0));
-  if (!fit) throw nb::value_error("the contact surface does not match the body's nodes");
-  return {points(vertices), rows<3>(triangles, vertices.shape(0)), {node.data(), node.data() + node.shape(0)}, numbers(modulus)};
-}
 
 /// Step the tips of a body along their paths; see "simulate_tips".
 auto step_tips(palpate::object::SignedDistanceBody& body, const Tensor& centers, const Points& axes, const Numbers& radii,
@@ -383,6 +295,8 @@ void bind_signed_distance(nb::module_& m) {
 
 }  // namespace
 
+void bind_supports(nb::module_& m);
+
 void bind_body(nb::module_& m) {
   using palpate::deformable::Compliance, palpate::deformable::Modal, palpate::deformable::StandardLinearSolid;
   nb::class_<BodyInLoop>(m, "DeformableBody", "Interface of deformable bodies to a servo loop.");
@@ -450,4 +364,5 @@ void bind_body(nb::module_& m) {
           "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0);
   bind_signed_distance(m);
   bind_mass_spring(m);
+  bind_supports(m);
 }

@@ -14,6 +14,7 @@
 #include <palpate/control/workspace_controller.hpp>
 #include <palpate/object/body_instance.hpp>
 #include <palpate/object/mesh_object.hpp>
+#include <palpate/object/supported_body.hpp>
 #include <palpate/servo/batch.hpp>
 #include <palpate/servo/loop.hpp>
 #include <string>
@@ -28,6 +29,7 @@
 #include "python_parts.hpp"
 #include "slow_thread.hpp"
 #include "solid_frames.hpp"
+#include "support_nodes.hpp"
 #include "surface_frames.hpp"
 #include "touch_mesh.hpp"
 
@@ -304,6 +306,16 @@ void bind_loop(nb::module_& m, const char* name) {
           },
           "begin"_a, "end"_a,
           "Move the plant by one period under the operator's force, N, linear from `begin` to `end`; false once the loop has diverged.")
+      .def(
+          "change_supports",
+          [](Stepped& self, const nb::ndarray<const std::uint8_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>& roles) {
+            auto* instance = self.loop.servo().object().template get_if<palpate::object::BodyInstance>();
+            palpate::object::BodyWithSupports* const body = instance == nullptr ? nullptr : instance->body().with_supports();
+            if (body == nullptr || roles.shape(0) != body->size()) throw nb::value_error("the supports of the object do not change");
+            if (!body->change_supports(support_nodes(roles.data(), roles.shape(0))))
+              throw nb::value_error("the compliance of the held nodes is singular to rounding");
+          },
+          "roles"_a, "Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.")
       .def_prop_ro("angles", [](const Stepped& self) { return self.loop.angles(); })
       .def_prop_ro("speeds", [](const Stepped& self) { return self.loop.speeds(); })
       .def_prop_ro("time", [](const Stepped& self) { return self.loop.time(); })

@@ -128,6 +128,19 @@ def test_linear_bodies_run_alike(
     assert rows[:, -7].max() >= 3  # contact nodes
 
 
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+@pytest.mark.parametrize("options", [{}, {"kind": "signed_distance", "sideways_fraction": 0.7}])
+def test_bodies_whose_supports_change_run_alike(
+    program: Path, block: Path, tmp_path: Path, options: dict[str, Any], tip: str
+) -> None:
+    changes = [{"at": "80 ms", "held": "x < 11 mm"}, {"at": "0.12 s", "held": "y < 11 mm", "touchable": "x > 10 mm"}]
+    check(program, press(block, tip=tip, supports=changes, **options), tmp_path / "loop")
+    rows = np.fromfile(tmp_path / "rows").reshape(201, -1)
+    assert rows[:, -7].max() >= 3  # contact nodes
+    check(program, press(block, tip=tip, **options), tmp_path / "same")
+    assert np.any(np.fromfile(tmp_path / "rows").reshape(201, -1)[130:] != rows[130:])
+
+
 @pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
 @pytest.mark.parametrize("friction", [{}, {"static_friction": 0.5, "dynamic_friction": 0.4}])
 def test_hyperelastic_bodies_run_alike(

@@ -12,6 +12,7 @@ from palpate.fem.model_spec import Law
 from palpate.fem.palpation_phantom import phantom
 from palpate.fem.quasi_static import MultiTipHistory, QuasiStaticSolver, RealtimeRun
 from palpate.fem.selectors import Selector, box, half_space, on_surface, parse_selector, sphere
+from palpate.fem.support_changes import SupportChange
 from palpate.fem.volume import Volume, block, fill, grid, read_volume
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "Region",
     "Selector",
     "Strain",
+    "SupportChange",
     "SurfaceLayer",
     "Volume",
     "block",

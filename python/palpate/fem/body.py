@@ -25,6 +25,7 @@ from palpate.fem.indentation import IndentableBody
 from palpate.fem.model_spec import COMPLIANCE, CONTACTS, LAWS, ContactLaw, Law, ModelSpec
 from palpate.fem.selectors import Selector
 from palpate.fem.storage import BodyData
+from palpate.fem.support_changes import SupportChange, SupportPlan
 from palpate.fem.supports import hold
 
 _MAX_MEMORY = 4e9  # bytes of a mass-spring model
@@ -73,6 +74,40 @@ class Body(IndentableBody):
         vertices = self.node_vertices if len(self.contents.tetrahedra) else np.empty(0, dtype=np.int64)
         return self._rebuild(hold(self.contents, regions, vertices), self.kind.friction)
 
+    def with_support_changes(
+        self, changes: Sequence[SupportChange | Mapping[str, Any]] | None, period: float | str
+    ) -> Self:
+        """Return the same body with supports and touchable nodes that change at times after rest.
+
+        Held nodes stay where they are when they are grasped. A grasp changes neither force nor energy; after a release
+        the body is in its new equilibrium at once, and the energy of the constraint is lost. A node that becomes
+        touchable while the tip overlaps it is touched once the tip has been clear of it. See
+        docs/theory/deformable-models.md. `simulate_path` and a servo loop follow the changes; `indent` gives the force
+        before the first one.
+
+        Args:
+            changes: in the order of time, each with `at` (s or text), and regions `held`, `touchable` or both
+                (`SupportChange`). An empty list: a body whose supports `palpate.Loop` may change. None: the body as it
+                was built.
+            period: of a tick, s or text. A change is that of the first tick at or after its time.
+
+        Raises:
+            BodyError: the model is not the compliance or a static one by signed distance, or has friction; the times do
+                not increase, a region contains no contact node, no node can be touched, or the compliance of the held
+                nodes is singular.
+        """
+        if changes is None:
+            return self._rebuild_bare(self.contents, self.kind.friction)
+        plan = SupportPlan(tuple(SupportChange.of(change) for change in changes), tick_period(period))
+        if self.kind.name not in (COMPLIANCE.name, "signed_distance") or self.kind.friction[0] > 0.0:
+            raise BodyError(
+                "supports: supports that change at run time need a static body without friction: the kind compliance "
+                f"or signed_distance, not {self.kind}"
+            )
+        body = type(self)(self.contents, self.kind._replace(supports=plan))
+        body.core = body._supported_core()
+        return body
+
     def with_friction(self, static_friction: float | str, dynamic_friction: float | str | None = None) -> Self:
         """Return the same body with dry friction.
 
@@ -101,6 +136,9 @@ class Body(IndentableBody):
                 distance.
         """
         offsets = contact_points(points)
+        if self.kind.supports is not None:
+            bare = self._rebuild_bare(self.contents, self.kind.friction).with_contact_points(points)
+            return bare.with_support_changes(*self.kind.supports)
         if not isinstance(self.core, _core.SignedDistanceBody):
             if not offsets:
                 return self
@@ -354,6 +392,11 @@ class Body(IndentableBody):
 
     def _rebuild(self, contents: BodyData, friction: tuple[float, float]) -> Self:
         """Return a body with the model of this one, but other contents or friction coefficients."""
+        bare = self._rebuild_bare(contents, friction)
+        return bare if self.kind.supports is None else bare.with_support_changes(*self.kind.supports)
+
+    def _rebuild_bare(self, contents: BodyData, friction: tuple[float, float]) -> Self:
+        """Return the same without changes of supports."""
         body = type(self)(contents, COMPLIANCE._replace(friction=friction))
         if contents is self.contents:
             body.__dict__ |= {name: self.__dict__[name] for name in _CACHED if name in self.__dict__}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -21,6 +22,7 @@ from palpate.fem.errors import BodyError
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches
 from palpate.fem.storage import BodyData, read, write
+from palpate.fem.support_changes import HELD
 from palpate.fem.volume import Volume
 
 CoreBody = (
@@ -30,6 +32,7 @@ CoreBody = (
     | _core.MassSpringBody
     | _core.HyperelasticBody
     | _core.SignedDistanceBody
+    | _core.SupportedBody
 )
 _SAMPLED = 16  # nodes, and neighbors of each, to which the tangential compliance is fitted
 
@@ -128,6 +131,12 @@ class CondensedBody:
         mesh = Mesh(self.points, still, open=True, repair=False) if len(still) else None
         vertices = np.unique(faces[~free])
         return mesh, cKDTree(self.points[vertices]) if len(vertices) else None
+
+    def in_phase(self, number: int) -> CondensedBody:
+        """Return the geometry of the body after a number of changes of its supports: its nodes are those not held."""
+        assert self.kind.supports is not None
+        free = self.kind.supports.roles(self.nodes)[number] != HELD
+        return CondensedBody(replace(self.contents, nodes=self.contents.nodes[free]))
 
     def overlaps_fixed(self, centers: Array, radius: float, axis: Array | None = None) -> Flags:
         """Return whether a rigid tip at each of `centers` (m, 3), m, overlaps the fixed or held contact surface (m,).
@@ -256,6 +265,21 @@ class CondensedBody:
         return _core.SignedDistanceBody(
             *self._arrays(), **arguments, tips=tips, static_friction=static, dynamic_friction=dynamic
         )
+
+    def _supported_core(self) -> _core.SupportedBody:
+        """Return a core whose supports and touched nodes change as the plan of the kind says, at rest."""
+        plan = self.kind.supports
+        assert plan is not None
+        roles = np.ascontiguousarray(plan.roles(self.nodes))
+        arguments: dict[str, Any] = {}
+        if self.kind.name == "signed_distance":
+            names = ("vertices", "triangles", "node", "modulus", "poisson", "sideways", "contact_points")
+            data = self._signed_distance_arguments()
+            arguments = {name: data[name] for name in names if name in data}
+        try:
+            return _core.SupportedBody(*self._arrays(), steps=plan.steps, roles=roles, **arguments)
+        except ValueError as problem:
+            raise BodyError(f"supports: {problem}; hold fewer nodes") from None
 
     def _signed_distance_arguments(self) -> dict[str, Any]:
         """Return the arguments of a core with contact by signed distance by name, without arrays and friction."""

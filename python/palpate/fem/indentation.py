@@ -132,7 +132,12 @@ class IndentableBody(CondensedBody):
         return force_error(nodes, signed_distance=isinstance(self.core, _core.SignedDistanceBody))
 
     def _static_body(self) -> Self | None:
-        """Return the body without inertia, creep and friction with the same contact, or None if it has none of them."""
+        """Return the body without inertia, creep, friction and changes of supports, or None if it has none of them."""
+        if self.kind.supports is not None:
+            static = type(self)(self.contents, self.kind._replace(supports=None))
+            if self.kind.name == "signed_distance":
+                static.core = static._signed_distance_core()
+            return static
         if isinstance(self.core, _core.ModalBody | _core.StandardLinearSolidBody):
             return type(self)(self.contents)
         if isinstance(self.core, _core.SignedDistanceBody) and (self.core.has_memory or self.kind.friction[0] > 0.0):
@@ -272,7 +277,7 @@ class IndentableBody(CondensedBody):
             outward = area_vectors(self.surface.vertices, self.surface.triangles[self.surface.nearest(centers)[1]])
         axes = np.empty((0, 3)) if outward is None else directions(outward, centers.shape)
         rows = self.core.simulate_path(centers, axes, size, tip == "flat")
-        if isinstance(self.core, _core.SignedDistanceBody):
+        if "signed_distance" in (self.kind.name, self.kind.options.get("contact")):
             _warn_of_unsolved(rows)
         if isinstance(self.core, _core.HyperelasticBody):
             check_found(rows[:, SOLVED])
@@ -337,7 +342,7 @@ class IndentableBody(CondensedBody):
         """
         if isinstance(self.core, _core.HyperelasticBody):
             return np.asarray(self.core.displacement())[self.node_vertices]
-        if isinstance(self.core, _core.MassSpringBody):
+        if isinstance(self.core, _core.MassSpringBody | _core.SupportedBody):
             return np.asarray(self.core.displacement())
         nodes, forces = self.core.contact_forces()
         total = np.zeros(3 * len(self.nodes))

@@ -35,6 +35,9 @@ def model_data(body: Body) -> ModelData:
     if isinstance(body.core, _core.SignedDistanceBody):
         return _signed_distance_data(body)
     points, normals, areas, compliance = body._arrays()
+    if body.kind.supports is not None and body.kind.name == "signed_distance":
+        bare = _signed_distance_data(body)
+        return bare._replace(arrays=bare.arrays | _support_arrays(body))
     options: dict[str, float | str] = {key: float(x) for key, x in body.kind.options.items() if not isinstance(x, str)}
     static, dynamic = (float(coefficient) for coefficient in body.kind.friction)
     parameters: dict[str, float | str] = {"static_friction": static, "dynamic_friction": dynamic}
@@ -46,11 +49,19 @@ def model_data(body: Body) -> ModelData:
         return ModelData("mass_spring", parameters | options, arrays | network)
     arrays["compliance"] = compliance
     if name == "compliance":
-        return ModelData("compliance", parameters, arrays)
+        return ModelData("compliance", parameters, arrays | _support_arrays(body))
     if name == "viscoelastic":
         return ModelData("standard_linear_solid", parameters | options, arrays)
     arrays |= {"frequencies": body.contents.frequencies, "shapes": body.contents.shapes}
     return ModelData("modal", parameters | options, arrays)
+
+
+def _support_arrays(body: Body) -> Arrays:
+    """Return the first tick of each phase of the supports and the roles of the nodes in it; nothing without phases."""
+    plan = body.kind.supports
+    if plan is None:
+        return {}
+    return {"support_steps": np.array(plan.steps, dtype=np.int32), "support_roles": plan.roles(body.nodes)}
 
 
 def _signed_distance_data(body: Body) -> ModelData:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, Literal, NamedTuple, get_args
 
+from palpate.fem.support_changes import SupportPlan
+
 Law = Literal["neo-hookean", "corotational"]
 LAWS: Final = get_args(Law)
 ContactLaw = Literal["node_normals", "signed_distance"]
@@ -28,6 +30,7 @@ class ModelSpec(NamedTuple):
     options: Mapping[str, float | str]  # SI
     friction: tuple[float, float] = (0.0, 0.0)  # static, dynamic
     contact_points: tuple[tuple[float, ...], ...] = ()  # of a tool, see `Body.with_contact_points`
+    supports: SupportPlan | None = None  # see `Body.with_support_changes`
 
     def __str__(self) -> str:
         elastic = self.options.get("instantaneous_ratio") == 1.0
@@ -40,7 +43,9 @@ class ModelSpec(NamedTuple):
         static, dynamic = self.friction
         friction = f"friction {static:g}{f', {dynamic:g} sliding' if dynamic < static else ''}"
         tool = f", tool of {len(self.contact_points)} tips" if self.contact_points else ""
-        return f"{self.name}{options and f' ({options})'}, {friction if static > 0.0 else 'no friction'}{tool}"
+        count = 0 if self.supports is None else len(self.supports.changes)
+        changes = f", {count} change{'' if count == 1 else 's'} of supports" if self.supports is not None else ""
+        return f"{self.name}{options and f' ({options})'}, {friction if static > 0.0 else 'no friction'}{tool}{changes}"
 
 
 COMPLIANCE: Final = ModelSpec("compliance", {})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
@@ -29,6 +30,7 @@ from palpate.scenario.fields import (
     Pressure,
     Section,
     Size3,
+    Time,
     Whole,
     must,
 )
@@ -69,6 +71,7 @@ KINDS: Final[dict[str, dict[str, Option]]] = {
     "corotational": _SLOW,
 }
 LARGE: Final = ("neo-hookean", "corotational")  # kinds with inertia if they have a density
+STATIC: Final = ("compliance", "signed_distance")  # kinds whose supports may change at run time
 WITH_CONTACT: Final = ("modal", "viscoelastic")  # kinds whose contact is a choice
 ContactLaw = Literal["node_normals", "signed_distance"]
 # shape: its keys, with an example of a required one
@@ -93,6 +96,26 @@ def _listed(regions: Any) -> Any:
     return (regions,) if isinstance(regions, str) else regions
 
 
+class SupportChoice(Section):
+    """[[object.body.supports]]: supports and contact area from a time on; a key that is missing stays as before.
+
+    Attributes:
+        at: s, after the start of the run.
+        held: regions whose contact nodes are held; none: released.
+        touchable: regions whose contact nodes the tip can touch; none: all of them.
+    """
+
+    at: Time = Field(examples=['"1 s"'])
+    held: Annotated[tuple[str, ...] | None, BeforeValidator(_listed)] = None
+    touchable: Annotated[tuple[str, ...] | None, BeforeValidator(_listed)] = None
+
+    @model_validator(mode="after")
+    def _changes(self) -> Self:
+        if self.held is None and self.touchable is None:
+            raise ValueError('it changes nothing; write for example held = ["x < 10 mm"], or held = [] to release')
+        return self
+
+
 class BodyChoice(Section):
     """[object.body]: body from a file, or a block or phantom; its `origin` lies at [object] position.
 
@@ -112,6 +135,8 @@ class BodyChoice(Section):
         rotation: rotation about that point, about x, then y, then z of the device, rad.
         stiffness_scale: factor on every Young's modulus.
         held: regions whose contact nodes are held in place, see `palpate.fem.Body.held`.
+        supports: changes at run time, see `palpate.fem.Body.with_support_changes`; (): `palpate.Loop` may change them.
+            None: they do not change.
         tip: "sphere", or "flat" for the end of a rod along the body's z axis.
         radius: of the tip, m.
         contact_points: of a rigid tool that does not turn: centers of its equal tips less the device's tip, device
@@ -141,6 +166,7 @@ class BodyChoice(Section):
     contact_points: tuple[Position3, ...] = ()
     stiffness_scale: Annotated[Number, POSITIVE] = 1.0
     held: Annotated[tuple[str, ...], BeforeValidator(_listed)] = ()
+    supports: tuple[SupportChoice, ...] | None = None
     options: Annotated[dict[str, float], PlainSerializer(_options_text)] = Field(default_factory=dict)
 
     @model_validator(mode="before")
@@ -231,7 +257,19 @@ class BodyChoice(Section):
                         f"{key}: without density {self.kind} has no inertia, so it takes no damping; write for example "
                         'density = "1000 kg/m^3"'
                     )
+        if self.supports is not None:
+            self._check_supports(self.supports)
         static, dynamic = (self.options.get(key, 0.0) for key in _FRICTION)
         if dynamic > static:
             raise ValueError(f"dynamic_friction: {dynamic:g} must not exceed static_friction ({static:g})")
         return self
+
+    def _check_supports(self, changes: tuple[SupportChoice, ...]) -> None:
+        if self.kind not in STATIC or self.options.get("static_friction", 0.0) > 0.0:
+            raise ValueError(
+                f"supports: supports that change at run time need a body without friction of the kind "
+                f"{' or '.join(STATIC)}; held holds nodes of any kind over the whole run"
+            )
+        for before, change in pairwise(changes):
+            if change.at <= before.at:
+                raise ValueError(f"supports: the times must increase, and {change.at:g} s follows {before.at:g} s")

@@ -18,10 +18,12 @@ from palpate import fem as bodies
 from palpate.arrays import Array
 from palpate.errors import OutputError, PalpateError, ScenarioError
 from palpate.fem.contact_accuracy import unresolved
+from palpate.fem.support_changes import SupportChange
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
 from palpate.simulation.moving_frame import touching_tip
 from palpate.simulation.recorded import Recorded
+from palpate.simulation.support_phase import support_phase
 
 if TYPE_CHECKING:
     from palpate.fem import Body
@@ -52,6 +54,9 @@ def pressed_at(trace: Recorded, row: int) -> Pressed:
     body = scenario_body(scenario)
     way = _tip_in_body(trace, scenario, body)[: row % len(trace.time) + 1]
     body.core.reset()
+    if choice.supports:  # they change at ticks: between two records the tip counts as already at the second one
+        every = scenario.run.record_every
+        way = way[-(-np.arange((len(way) - 1) * every + 1) // every)]
     axes = np.tile([0.0, 0.0, 1.0], (len(way), 1)) if choice.tip == "flat" else np.empty((0, 3))
     body.core.simulate_path(np.ascontiguousarray(way), axes, choice.radius, choice.tip == "flat")
     return Pressed(body, way[-1], body.displacement(), body.pressure())
@@ -82,7 +87,12 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
     scenario, choice, body = found
     axis = np.array([0.0, 0.0, 1.0]) if choice.tip == "flat" else None
     centers = _tip_in_body(trace, scenario, body)[rows][:, None] + _tool_in_body(choice)
-    return bool(body.overlaps_fixed(centers.reshape(-1, 3), choice.radius, axis).any())
+    phase = support_phase(scenario, trace.time[rows])
+    for number in np.unique(phase):
+        still = body if body.kind.supports is None else body.in_phase(int(number))
+        if still.overlaps_fixed(centers[phase == number].reshape(-1, 3), choice.radius, axis).any():
+            return True
+    return False
 
 
 def _recorded_body(trace: Recorded) -> tuple[Scenario, BodyChoice, Body] | None:
@@ -146,6 +156,9 @@ def place_body(scenario: Scenario, origin: Array) -> tuple[Body, Array, Array]:
     """
     choice = scenario.object.body
     assert choice is not None
+    if choice.supports and choice.supports[-1].at > scenario.run.duration:
+        late = f"the change at {choice.supports[-1].at:g} s comes after the run of {scenario.run.duration:g} s"
+        raise scenario.mistake("object.body.supports", late)
     body = scenario_body(scenario)
     _check_start(scenario, choice, body)
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
@@ -189,10 +202,11 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
         options = tuple(sorted({**choice.options, **chosen}.items()))
         supported = (_state(path), choice.held)
         tool = tuple(map(tuple, _tool_in_body(choice).tolist())) if choice.contact_points else ()
-        return _of_kind(supported, choice.stiffness_scale, choice.kind, options, scenario.period, tool)
+        body = _of_kind(supported, choice.stiffness_scale, choice.kind, options, scenario.period, tool)
+        return body if choice.supports is None else _changing(body, support_changes(choice), scenario.period)
     except PalpateError as problem:
         key, _, sentence = str(problem).partition(": ")  # the message about a number begins with its name
-        if key in choice.options or key in _recipe(choice) or key in ("stiffness_scale", "held"):
+        if key in choice.options or key in _recipe(choice) or key in ("stiffness_scale", "held", "supports"):
             raise scenario.mistake(f"object.body.{key}", sentence) from None
         hint = ""
         if field == "object.body" and path.is_file():
@@ -200,6 +214,11 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
         elif isinstance(problem, OutputError):
             hint = "; blocks and phantoms are cached there: XDG_CACHE_HOME selects another folder"
         raise scenario.mistake(field, f"{problem}{hint}") from None
+
+
+def support_changes(choice: BodyChoice) -> tuple[SupportChange, ...]:
+    """Return the changes of the supports of a body at run time."""
+    return tuple(SupportChange(change.at, change.held, change.touchable) for change in choice.supports or ())
 
 
 def origin_of(choice: BodyChoice, body: Body) -> Array:
@@ -288,3 +307,8 @@ def _of_kind(
         return body.hyperelastic(period, law=kind, **dict(options))  # type: ignore[arg-type]
     made: Body = getattr(body, kind)(period, **dict(options))
     return made.with_contact_points(tool) if tool else made
+
+
+@lru_cache(maxsize=2)
+def _changing(body: Body, changes: tuple[SupportChange, ...], period: float) -> Body:
+    return body.with_support_changes(changes, period)

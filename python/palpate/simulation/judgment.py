@@ -13,6 +13,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, held_tip, of_each_object, recorded_scenario
+from palpate.simulation.support_phase import last_change
 from palpate.simulation.verdict import (
     BAND,
     BEFORE,
@@ -76,6 +77,9 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
         reason = f"one of {scenario.run.record_every} ticks is recorded, and an oscillation between them does not show"
         return Verdict(State.UNDECIDED, reason)
     verdict = _explained(trace, scenario, final, found, state, linear)
+    if scenario is not None and (changed := last_change(scenario)) is not None and final.constant:
+        since = f"judged after the last change of supports, at {changed:g} s"
+        verdict = replace(verdict, reason=f"{verdict.reason}; {since}")
     return replace(verdict, linear=f"no linear loop is known: {unknown}") if unknown else verdict
 
 
@@ -193,6 +197,8 @@ def _explained(
         moves = scenario is not None and window.constant and moved_until(trace, scenario) > window.ending.start
         moving = "the object moves until the end: hold it at rest for the last fifth of the run"
         reason = moving if moves else _undecided(time, e, swing, "tool" in trace)
+        if not window.constant and (supports := _unsupported(trace, scenario)) is not None:
+            reason = supports
     if state in (State.SETTLED, State.UNDECIDED) and (off := interruption(trace, scenario)) > 0.0:
         reason += f"; contact lost for {1e3 * off:.4g} ms on the way"
     swings = state in OSCILLATES
@@ -251,6 +257,17 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
         return float(trace.time[first]), f"the tip is off the object in {share}, under a force that presses it on"
     since = float(trace.time[touching[-1]])
     return since, f"the tip is off the object from t = {since:.4g} s on, under a force that presses it on"
+
+
+def _unsupported(trace: Recorded, scenario: Scenario | None) -> str | None:
+    """Return that the supports change too late to judge a run, if that is why; otherwise None."""
+    changed = None if scenario is None else last_change(scenario)
+    if changed is None or not windows(external_forces(trace, scenario)[:, :-1])[-1].constant:
+        return None
+    return (
+        f"the supports of the body change at {changed:g} s, too late to judge what follows: give a longer "
+        "run.duration, so that it is a twentieth of the run or longer"
+    )
 
 
 def _undecided(time: Array, e: Evidence, swing: str, tool: bool) -> str:

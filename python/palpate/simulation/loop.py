@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,14 @@ from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
 from palpate.errors import ScenarioError
+from palpate.fem.errors import BodyError
+from palpate.fem.support_changes import SupportChange, SupportPlan
 from palpate.scenario import Scenario
+from palpate.scenario.body import SupportChoice
+from palpate.simulation.bodies import scenario_body, support_changes
 from palpate.simulation.simulator import BEYOND, Simulation, build_simulation
 from palpate.simulation.trace import Trace
+from palpate.units import write
 
 
 @dataclass(frozen=True)
@@ -68,14 +73,16 @@ class Loop:
     ) -> None:
         """Build the loop at its first sample; arguments and errors as `palpate.simulate`."""
         self._simulation: Simulation = build_simulation(scenario, controller, object)
+        self._scenario = self._simulation.scenario
         self.reset()
 
     def reset(self, seed: int | None = None) -> None:
-        """Return to the first sample.
+        """Return to the first sample, and to the scenario's own supports.
 
         Args:
             seed: of the jitter, 0 to 2^53; None: the last one.
         """
+        self._simulation = replace(self._simulation, scenario=self._scenario)
         simulation = self._simulation
         if seed is not None:
             simulation.setup.seed = int(seed)
@@ -207,6 +214,46 @@ class Loop:
                 break
             self._step(None, None)
         return self.trace
+
+    def change_supports(
+        self, held: str | Sequence[str] | None = None, touchable: str | Sequence[str] | None = None
+    ) -> None:
+        """Change the supports or the touchable nodes of the body at the next sample.
+
+        The trace, its verdict and a resolved loop count the change as one of the scenario. The update is computed here,
+        outside the tick, which takes it over without a lock.
+
+        Args:
+            held: regions whose contact nodes are held from then on, in place of those before; []: none. None: as
+                before.
+            touchable: regions whose contact nodes can be touched from then on; []: all. None: as before.
+
+        Raises:
+            ScenarioError: [object.body] has no key `supports` (an empty list permits changes), the scenario changes
+                them later or at this sample, there is no sample yet, or the regions are as
+                `palpate.fem.Body.with_support_changes` refuses them.
+        """
+        scenario, at = self.scenario, self.count * self.period
+        choice = scenario.object.body
+        if choice is None or choice.supports is None or scenario.object.frame is not None:
+            raise scenario.mistake(
+                "object.body.supports", "a loop changes those of a body with that key, such as supports = [], at rest"
+            )
+        later = [change.at for change in choice.supports if change.at >= at - 0.5 * self.period]
+        if later or self.count == 0:
+            when = "before the first sample" if self.count == 0 else f"before that at {later[0]:g} s"
+            raise scenario.mistake("object.body.supports", f"a change at {at:g} s comes {when}")
+        regions = {key: value for key, value in (("held", held), ("touchable", touchable)) if value is not None}
+        change = SupportChange.of({"at": at, **regions})
+        body = scenario_body(scenario)
+        try:
+            plan = SupportPlan((*support_changes(choice), change), self.period)
+            self._core.change_supports(plan.roles(body.nodes)[-1])
+        except (BodyError, ValueError) as problem:
+            raise scenario.mistake("object.body.supports", str(problem).removeprefix("supports: ")) from None
+        supports = (*choice.supports, SupportChoice.model_validate({"at": write(at, "s"), **regions}))
+        changed = scenario.object.model_copy(update={"body": choice.model_copy(update={"supports": supports})})
+        self._simulation = replace(self._simulation, scenario=scenario.model_copy(update={"object": changed}))
 
     def _step(self, force: ArrayLike | None, reference: ArrayLike | None) -> tuple[Array, Array]:
         """Return the core's row of this sample, and the reference force (3,), N."""

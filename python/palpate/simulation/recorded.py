@@ -9,6 +9,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.errors import PalpateError
 from palpate.scenario import Scenario
+from palpate.simulation.support_phase import support_phase
 
 __all__ = ["Recorded", "external_forces", "held_tip", "of_each_object", "recorded_scenario"]
 
@@ -56,9 +57,14 @@ def of_each_object(trace: Recorded, channel: str) -> list[Array]:
 
 
 def external_forces(trace: Recorded, scenario: Scenario | None) -> Array:
-    """Return reference force and operator's force (n, 6), N; a motion of the operator, m, in place of its force."""
+    """Return what acts on a run from outside (n, 7): forces of reference and operator, N, and changes of supports.
+
+    A motion of the operator, m, stands in place of its force. The last column is the number of changes of the supports
+    of the bodies so far.
+    """
     reference = trace["reference_force"] if "reference_force" in trace else np.zeros((len(trace.time), 3))
     operator = np.zeros_like(reference)
     if scenario is not None and scenario.operator.moves:
         operator = scenario.operator.values(trace.time)
-    return np.hstack([reference, operator])
+    phase = np.zeros(len(trace.time)) if scenario is None else support_phase(scenario, trace.time)
+    return np.hstack([reference, operator, phase[:, None]])

@@ -96,6 +96,8 @@ def _checked(scenario: Scenario) -> BodyChoice:
         )
     if choice.contact_points:
         raise scenario.mistake("object.body.contact_points", "on a shared body each device has one tip")
+    if choice.supports is not None:
+        raise scenario.mistake("object.body.supports", "the supports of a shared body do not change; write held")
     if scenario.object.frame is not None:
         raise scenario.mistake("object.frame", "a shared body rests")
     if scenario.servo.tool is not None:

@@ -40,6 +40,8 @@ class SurfaceFrames:
             raise BodyError("there is no body to draw: the scenario's object is not a body")
         if not 0.0 < rate < np.inf:
             raise BodyError(f"frames come at a positive rate in Hz, not {rate:g}")
+        if experiment.scenario.object.body.supports is not None:
+            raise BodyError("supports: the surface of a body whose supports change cannot be drawn while a loop runs")
         body = scenario_body(experiment.scenario)
         self._core: _core.DeformationFrames | _core.SurfaceFrames
         self._vertices: Indices | None = None

@@ -8,6 +8,7 @@ import numpy as np
 
 from palpate.arrays import Array, Indices
 from palpate.simulation.simulator import Simulation
+from palpate.simulation.support_phase import last_change
 from palpate.simulation.windows import constant_stretches
 from palpate.sweeps.axes import SweepError
 
@@ -52,6 +53,10 @@ def excited(simulation: Simulation) -> tuple[Simulation, Excitation]:
     reference, operator = simulation.reference, simulation.operator
     forces = np.hstack([reference, operator])
     scenario = simulation.scenario
+    if last_change(scenario) is not None:
+        raise SweepError(
+            "object.body.supports: a sweep judges cells under constant supports; write held, or run the scenario itself"
+        )
     if not forces.any():
         displaced = any(any(one.object.position) for one in scenario.each_object.values())
         displaced = displaced or any(scenario.operator.rest)

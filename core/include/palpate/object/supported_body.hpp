@@ -112,6 +112,7 @@ class SupportedBody final : public BodyWithSupports {
   void reset() noexcept override {
     for (const std::unique_ptr<Phase>& phase : scheduled_) phase->reset();
     current_ = scheduled_.front().get();
+    requested_.acquire();  // a request before the reset is void
     step_ = changes_ = 0;
     next_ = 1;
   }

@@ -12,6 +12,7 @@ from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.scenario.body import LARGE
 from palpate.simulation.bodies import origin_of, scenario_body
+from palpate.simulation.support_phase import support_phase
 
 __all__ = ["HeldTip"]
 
@@ -68,8 +69,14 @@ class HeldTip:
                 f"a linear analysis does not take {choice.kind} with relaxation, which outlasts an update; remove "
                 "instantaneous_ratio from [object.body], or use the kind viscoelastic"
             )
+        if choice.supports and support_phase(scenario, [scenario.period * (len(path) - 1)])[0] < len(choice.supports):
+            raise StabilityError(
+                "a linear analysis keeps the supports of the body, and they change later, at "
+                f"{choice.supports[-1].at:g} s; analyze a sample after the last change"
+            )
         body = scenario_body(scenario)
         self.core = body.core
+        self._by_distance = "signed_distance" in (choice.kind, choice.contact)
         self.radius, self.period = choice.radius, scenario.period
         self.every = round(choice.options.get("update_interval", 20e-3) / scenario.period) if self.multirate else 1
         self._flat = choice.tip == "flat"
@@ -79,7 +86,7 @@ class HeldTip:
         self.ticks = 0
         self.friction = body.kind.friction[0] > 0.0
         self.holds_across = self.friction or len(choice.contact_points) > 1
-        every_tick = self.friction or self.multirate or isinstance(self.core, _core.SignedDistanceBody)
+        every_tick = self.friction or self.multirate or self._by_distance or choice.supports is not None
         self._step(positions if every_tick else _thin(positions, choice.radius))
         self._position = positions[-1]
         if equilibrium and isinstance(self.core, _core.HyperelasticBody):
@@ -95,14 +102,14 @@ class HeldTip:
     @property
     def rounds(self) -> bool:
         """Whether the model rounds the force: modes in single precision, or contact or friction by iterations."""
-        return self.friction or isinstance(self.core, _core.ModalBody | _core.SignedDistanceBody)
+        return self.friction or self._by_distance or isinstance(self.core, _core.ModalBody)
 
     @property
     def memoryless(self) -> bool:
-        """Whether the force depends on the position of the tip alone."""
+        """Whether the force depends on the position of the tip alone, from where it is held on."""
         if isinstance(self.core, _core.SignedDistanceBody):
             return not self.core.has_memory
-        return isinstance(self.core, _core.ComplianceBody)
+        return isinstance(self.core, _core.ComplianceBody | _core.SupportedBody)
 
     def move(self, displacements: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return the force on the body (m, 3), N, and the number of nodes, as the tip moves about where it is held.

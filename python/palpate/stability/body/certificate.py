@@ -282,4 +282,7 @@ def _assumptions(s: Scenario) -> tuple[str, ...]:
         sentences.append("Without friction the operator controls motions along the surface.")
     if choice.kind in ("modal", "mass_spring"):
         sentences.append("The margin scales the body's whole force: modulus and density together.")
+    if choice.supports:
+        last = choice.supports[-1].at
+        sentences.append(f"The supports of the body are those after their last change, at {last:g} s.")
     return tuple(sentences)

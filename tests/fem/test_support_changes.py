@@ -132,7 +132,7 @@ def test_a_grasp_of_a_deformed_body_obeys_finite_elements_with_prescribed_displa
         displacement, forces = body.displacement(), loads_of(body)
         largest = max(largest, float(np.abs(displacement).max()))
         expected = dense.solve(forces, held, where)
-        np.testing.assert_allclose(displacement, expected, atol=3e-5 * largest)
+        np.testing.assert_allclose(displacement, expected, atol=2e-6 * largest)
         if len(held):
             assert np.abs(where).max() > 0.01 * largest
     np.testing.assert_allclose(displacement, 0.0, atol=1e-12)

@@ -15,3 +15,4 @@
 #include "palpate/object/deformable_object.hpp"
 #include "palpate/object/hyperelastic_object.hpp"
 #include "palpate/object/signed_distance_body.hpp"
+#include "palpate/object/supported_body.hpp"

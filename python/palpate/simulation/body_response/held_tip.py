@@ -44,6 +44,7 @@ class HeldTip:
     """
 
     size = 3  # coordinates of the tip
+    _by_distance = True  # whether the contact is by signed distance
 
     def __init__(self, scenario: Scenario, path: Array, *, equilibrium: bool = False) -> None:
         """Move the tip of a run along its path and hold it at the end until the force changes no less from then on.

@@ -348,6 +348,10 @@ class HyperelasticBody(DeformableBody):
 
     def reset(self) -> None: ...
 
+class MultirateBody(DeformableBody):
+    """Linear body whose model is updated at a low rate, after the ticks."""
+
+PLACEHOLDER
 class HyperelasticModel:
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, instantaneous_ratio: float = 1.0, retardation_time: float = 1.0) -> None: ...
 

@@ -3,13 +3,16 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <palpate/deformable/contact/patch_points.hpp>
 #include <palpate/deformable/contact/surface_nodes.hpp>
+#include <palpate/deformable/linear/mass_spring_model.hpp>
 #include <palpate/math/vector.hpp>
+#include <utility>
 #include <vector>
 
 #include "arrays.hpp"
@@ -35,6 +38,13 @@ inline std::vector<palpate::math::Vector3<>> points(const Points& a) {
 
 inline std::vector<double> numbers(const Numbers& a) {
   return {a.data(), a.data() + a.shape(0)};
+}
+
+inline palpate::deformable::SurfaceNodes fitting(const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance) {
+  const std::size_t n = at.shape(0);
+  if (n == 0 || normals.shape(0) != n || areas.shape(0) != n || compliance.shape(0) != 3 * n || compliance.shape(1) != 3 * n)
+    throw nanobind::value_error("the sizes of the body's arrays do not match");
+  return {points(at), points(normals), numbers(areas)};
 }
 
 template <int width>
@@ -65,6 +75,27 @@ inline palpate::deformable::ContactSurface contact_surface(const Points& vertice
     fit = fit && node.data()[i] >= -1 && node.data()[i] < static_cast<std::int32_t>(modulus.shape(0));
   if (!fit) throw nanobind::value_error("the contact surface does not match the body's nodes");
   return {points(vertices), rows<3>(triangles, vertices.shape(0)), {node.data(), node.data() + node.shape(0)}, numbers(modulus)};
+}
+
+inline palpate::deformable::SpringNetworkData network_parts(const Points& positions, const Numbers& masses, const Flags& fixed,
+                                                            const IndexRows<2>& springs, const Numbers& stiffness,
+                                                            const IndexRows<4>& tetrahedra, const Numbers& pressure) {
+  const std::size_t count = positions.shape(0);
+  if (masses.shape(0) != count || fixed.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != springs.shape(0))
+    throw nanobind::value_error("the sizes of the network's arrays do not match");
+  return {points(positions),          numbers(masses),  {fixed.data(), fixed.data() + count}, rows<2>(springs, count), numbers(stiffness),
+          rows<4>(tetrahedra, count), numbers(pressure)};
+}
+
+inline palpate::deformable::PatchWeights network_patches(const Indices& begin, const Indices& vertices, const Numbers& shares,
+                                                         std::size_t nodes, std::size_t below) {
+  palpate::deformable::PatchWeights p{
+      {begin.data(), begin.data() + begin.shape(0)}, {vertices.data(), vertices.data() + vertices.shape(0)}, numbers(shares)};
+  bool fit = p.begin.size() == nodes + 1 && p.weights.size() == p.vertices.size() && p.begin.front() == 0 &&
+             static_cast<std::size_t>(p.begin.back()) == p.vertices.size() && std::is_sorted(p.begin.begin(), p.begin.end());
+  for (const std::int32_t v : p.vertices) fit = fit && v >= 0 && static_cast<std::size_t>(v) < below;
+  if (!fit) throw nanobind::value_error("the patches of the network do not match its nodes and vertices");
+  return p;
 }
 
 /// Step a contact along a path; see "simulate_path".

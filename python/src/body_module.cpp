@@ -47,14 +47,6 @@ struct BodyCore : BodyInLoop {
   [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override {
     return std::make_unique<palpate::object::LinearBodyObject<Kind>>(nodes, body, contact.friction());
   }
-
-  static palpate::deformable::SurfaceNodes fitting(const Points& at, const Points& normals, const Numbers& areas,
-                                                   const Matrix& compliance) {
-    const std::size_t n = at.shape(0);
-    if (n == 0 || normals.shape(0) != n || areas.shape(0) != n || compliance.shape(0) != 3 * n || compliance.shape(1) != 3 * n)
-      throw nb::value_error("the sizes of the body's arrays do not match");
-    return {points(at), points(normals), numbers(areas)};
-  }
 };
 
 /// Bind the functions that all models share.
@@ -100,27 +92,6 @@ nb::class_<BodyCore<Kind>, BodyInLoop> bind_kind(nb::module_& m, const char* nam
           },
           "node"_a, "forces"_a,
           "Return the displacement of a node along its inward normal after each period, m. The forces [N] are constant over each period.");
-}
-
-palpate::deformable::SpringNetworkData network_parts(const Points& positions, const Numbers& masses, const Flags& fixed,
-                                                     const IndexRows<2>& springs, const Numbers& stiffness, const IndexRows<4>& tetrahedra,
-                                                     const Numbers& pressure) {
-  const std::size_t count = positions.shape(0);
-  if (masses.shape(0) != count || fixed.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != springs.shape(0))
-    throw nb::value_error("the sizes of the network's arrays do not match");
-  return {points(positions),          numbers(masses),  {fixed.data(), fixed.data() + count}, rows<2>(springs, count), numbers(stiffness),
-          rows<4>(tetrahedra, count), numbers(pressure)};
-}
-
-palpate::deformable::PatchWeights network_patches(const Indices& begin, const Indices& vertices, const Numbers& shares, std::size_t nodes,
-                                                  std::size_t below) {
-  palpate::deformable::PatchWeights p{
-      {begin.data(), begin.data() + begin.shape(0)}, {vertices.data(), vertices.data() + vertices.shape(0)}, numbers(shares)};
-  bool fit = p.begin.size() == nodes + 1 && p.weights.size() == p.vertices.size() && p.begin.front() == 0 &&
-             static_cast<std::size_t>(p.begin.back()) == p.vertices.size() && std::is_sorted(p.begin.begin(), p.begin.end());
-  for (const std::int32_t v : p.vertices) fit = fit && v >= 0 && static_cast<std::size_t>(v) < below;
-  if (!fit) throw nb::value_error("the patches of the network do not match its nodes and vertices");
-  return p;
 }
 
 void bind_mass_spring(nb::module_& m) {
@@ -218,7 +189,7 @@ void bind_signed_distance(nb::module_& m) {
              double retardation_time, double sideways, int tips, double mu_static, double mu_dynamic, int lanes,
              const std::optional<Points>& contact_points) {
             using palpate::deformable::Compliance, palpate::deformable::SignedDistanceContact;
-            auto nodes = BodyCore<Compliance>::fitting(at, normals, areas, compliance);
+            auto nodes = fitting(at, normals, areas, compliance);
             if (modulus.shape(0) != at.shape(0)) throw nb::value_error("the sizes of the body's arrays do not match");
             if (frequencies.shape(0) > 0 && (shapes.shape(0) != compliance.shape(0) || shapes.shape(1) != frequencies.shape(0)))
               throw nb::value_error("the sizes of the modes do not match the compliance");
@@ -296,6 +267,7 @@ void bind_signed_distance(nb::module_& m) {
 }  // namespace
 
 void bind_supports(nb::module_& m);
+void bind_multirate(nb::module_& m);
 
 void bind_body(nb::module_& m) {
   using palpate::deformable::Compliance, palpate::deformable::Modal, palpate::deformable::StandardLinearSolid;
@@ -365,4 +337,5 @@ void bind_body(nb::module_& m) {
   bind_signed_distance(m);
   bind_mass_spring(m);
   bind_supports(m);
+  bind_multirate(m);
 }

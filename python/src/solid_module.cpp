@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <palpate/deformable/hyperelastic/compiled_solver.hpp>
 #include <palpate/deformable/multirate/multirate_coupling.hpp>
-#include <palpate/object/hyperelastic_object.hpp>
+#include <palpate/object/multirate_object.hpp>
 #include <thread>
 
 #include "body_in_loop.hpp"
@@ -275,7 +275,7 @@ void bind_solver(nb::module_& m) {
 /// A hyperelastic body with one tip and synchronous model updates.
 struct HyperelasticCore : BodyInLoop {
   std::size_t points;
-  palpate::object::HyperelasticObject<AnyQuasiStaticSolver> body;
+  palpate::object::MultirateObject<AnyQuasiStaticSolver> body;
   bool initialized = false;
 
   HyperelasticCore(std::size_t count, std::unique_ptr<AnyQuasiStaticSolver> solid, int update_interval,

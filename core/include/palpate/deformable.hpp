@@ -13,6 +13,6 @@
 #include "palpate/deformable/multirate/passive_model_switch.hpp"
 #include "palpate/object/body_instance.hpp"
 #include "palpate/object/deformable_object.hpp"
-#include "palpate/object/hyperelastic_object.hpp"
+#include "palpate/object/multirate_object.hpp"
 #include "palpate/object/signed_distance_body.hpp"
 #include "palpate/object/supported_body.hpp"

@@ -37,6 +37,10 @@ class Body(IndentableBody):
 
     Each method for a model returns a new body with that model. Its `period` is the duration of a tick, s or text. If
     it gets no friction coefficients of its own, it keeps those of this body (see `with_friction`).
+
+    With an `update_interval`, s or text, rounded to whole ticks, a body with a state runs at two rates: the whole model
+    advances once per interval, and the ticks use its local model, as in `hyperelastic`. See
+    docs/theory/deformable-models.md for the accuracy.
     """
 
     def scaled_stiffness(self, factor: float | str) -> Self:
@@ -159,6 +163,7 @@ class Body(IndentableBody):
         instantaneous_ratio: float | str = 1.0,
         retardation_time: float | str = 1.0,
         contact: ContactLaw = "node_normals",
+        update_interval: float | str | None = None,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
@@ -169,10 +174,12 @@ class Body(IndentableBody):
         truncated modes has no inertia. With `instantaneous_ratio` above 1 the material is a standard linear solid, as
         in `viscoelastic`. With `contact="signed_distance"` the tip presses along its own normals, as in
         `signed_distance`, and forces in all directions drive the same modes and the residual vectors of the contact
-        loads, which converge under an imposed motion of the tip (see `palpate.fem.vibration`).
+        loads, which converge under an imposed motion of the tip (see `palpate.fem.vibration`). This contact has no
+        `update_interval`.
 
         Raises:
-            BodyError: the body was built without modes, a number is out of range, or the contact is unknown.
+            BodyError: the body was built without modes, a number is out of range, or the contact is unknown or does
+                not run at two rates.
         """
         if len(self.contents.frequencies) == 0:
             if self.record.get("held"):
@@ -189,12 +196,13 @@ class Body(IndentableBody):
             "retardation_time": positive(retardation_time, "s", "retardation_time"),
         }
         by_distance = _by_signed_distance(contact)
-        given = options | ({"contact": contact} if by_distance else {})
+        update = _update(update_interval, options["period"], contact)
+        given = options | ({"contact": contact} if by_distance else {}) | update
         body = self._with_model("modal", given, static_friction, dynamic_friction)
         if by_distance:
             body.core = body._signed_distance_core()
             return body
-        body.core = _core.ModalBody(
+        arguments: list[Any] = [
             *self._arrays(),
             np.ascontiguousarray(self.contents.shapes),
             np.ascontiguousarray(self.contents.frequencies),
@@ -204,7 +212,9 @@ class Body(IndentableBody):
             options["instantaneous_ratio"],
             options["retardation_time"],
             *body.kind.friction,
-        )
+        ]
+        make = _core.MultirateBody.modal if update else _core.ModalBody
+        body.core = make(*arguments, *body.update_ticks)
         return body
 
     def viscoelastic(
@@ -214,6 +224,7 @@ class Body(IndentableBody):
         instantaneous_ratio: float | str,
         retardation_time: float | str,
         contact: ContactLaw = "node_normals",
+        update_interval: float | str | None = None,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
@@ -225,17 +236,20 @@ class Body(IndentableBody):
         `modal`.
 
         Raises:
-            BodyError: a number is out of range, or the contact is unknown.
+            BodyError: a number is out of range, or the contact is unknown or does not run at two rates.
         """
         tick, ratio = tick_period(period), stiffness_ratio(instantaneous_ratio)
         time = positive(retardation_time, "s", "retardation_time")
         options = {"period": tick, "instantaneous_ratio": ratio, "retardation_time": time}
+        update = _update(update_interval, tick, contact)
         if _by_signed_distance(contact):
             body = self._with_model("viscoelastic", options | {"contact": contact}, static_friction, dynamic_friction)
             body.core = body._signed_distance_core()
             return body
+        options |= update
         body = self._with_model("viscoelastic", options, static_friction, dynamic_friction)
-        body.core = _core.StandardLinearSolidBody(*self._arrays(), ratio, time, tick, *body.kind.friction)
+        make = _core.MultirateBody.viscoelastic if update else _core.StandardLinearSolidBody
+        body.core = make(*self._arrays(), ratio, time, tick, *body.kind.friction, *body.update_ticks)
         return body
 
     def signed_distance(
@@ -243,6 +257,7 @@ class Body(IndentableBody):
         period: float | str | None = None,
         *,
         sideways_fraction: float | str = 1.0,
+        update_interval: float | str | None = None,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
@@ -250,8 +265,8 @@ class Body(IndentableBody):
 
         The force converges for contact radii from a third of the node spacing, on curved surfaces and at edges; see
         docs/validation/deformable-bodies.md. A sphere needs no `outward` direction. Beyond about one radius of depth a
-        thick body is pushed through, and the contact is lost. The model has no state, so it ignores the `period`. With
-        friction the contact's layer shears too, so a tangential force builds up as in a Cattaneo-Mindlin contact.
+        thick body is pushed through, and the contact is lost. The model has no state, so it ignores the `period`, and
+        an `update_interval` leaves its force unchanged: the local model would be the model. With friction the contact's layer shears too, so a tangential force builds up as in a Cattaneo-Mindlin contact.
 
         With `sideways_fraction` below 1 the contact counts only this fraction of the displacement across the normals at
         rest. 1 is linear elasticity. A fraction of 0.65 was closer to neo-Hookean forces at depths above a tenth of the
@@ -264,6 +279,8 @@ class Body(IndentableBody):
         if not 0.0 <= fraction <= 1.0:
             raise BodyError(f"sideways_fraction: {fraction:g} must be between 0 and 1")
         options = {} if period is None else {"period": tick_period(period)}
+        if update_interval is not None:
+            positive(update_interval, "s", "update_interval")
         options |= {} if fraction == 1.0 else {"sideways_fraction": fraction}
         body = self._with_model("signed_distance", options, static_friction, dynamic_friction)
         body.core = body._signed_distance_core()
@@ -275,6 +292,7 @@ class Body(IndentableBody):
         *,
         rayleigh_alpha: float | str = 0.0,
         rayleigh_beta: float | str = 0.0,
+        update_interval: float | str | None = None,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
@@ -282,10 +300,11 @@ class Body(IndentableBody):
 
         See `palpate.fem.spring_network` for the springs and their accuracy. The model is correct for large rotations
         and stable at any period. Damping is as in `modal`, where `rayleigh_beta` is that of shear. Half a period is
-        added to it (see docs/theory/deformable-models.md). The tip also moves nodes sideways.
+        added to it (see docs/theory/deformable-models.md). The tip also moves nodes sideways. At two rates the model
+        advances in steps of at most 1 ms and has no friction.
 
         Raises:
-            BodyError: a number is out of range, or the model needs more than 4 GB.
+            BodyError: a number is out of range, the model needs more than 4 GB, or a body at two rates has friction.
         """
         options = {
             "period": tick_period(period),
@@ -297,12 +316,21 @@ class Body(IndentableBody):
             raise BodyError(
                 f"the mass-spring model needs {size / 1e9:.3g} GB: use a coarser mesh, or a smaller contact surface"
             )
-        body = self._with_model("mass_spring", options, static_friction, dynamic_friction)
+        update = _update(update_interval, options["period"])
+        body = self._with_model("mass_spring", options | update, static_friction, dynamic_friction)
         body.spring_network = self.spring_network
-        body.settling_period, body.ramp_time = options["period"], 0.25
-        numbers = [options["period"], options["rayleigh_alpha"], options["rayleigh_beta"], *body.kind.friction]
+        numbers = [options["period"], options["rayleigh_alpha"], options["rayleigh_beta"]]
         arguments: list[Any] = [*self._arrays()[:3], *self._network_arrays().values(), *numbers]
-        body.core = _core.MassSpringBody(*arguments)
+        if update:
+            if body.kind.friction[0] > 0.0:
+                raise BodyError(
+                    "static_friction: a mass-spring body at two rates has no friction; leave out update_interval or "
+                    "the friction"
+                )
+            body.core = _core.MultirateBody.mass_spring(*arguments, *body.update_ticks)
+            return body
+        body.settling_period, body.ramp_time = options["period"], 0.25
+        body.core = _core.MassSpringBody(*arguments, *body.kind.friction)
         return body
 
     def hyperelastic(
@@ -343,15 +371,11 @@ class Body(IndentableBody):
         if law not in LAWS:
             raise BodyError(f"a body's law is neo-hookean or corotational, not {law!r}")
         node_count = whole(nodes_per_tip, "nodes_per_tip", 4, 64)
-        tick, update_period = tick_period(period), positive(update_interval, "s", "update_interval")
-        if not round(update_period / tick) >= 1:
-            raise BodyError(f"update_interval: it lasts one tick ({tick:g} s) or more, not {update_period:g} s")
-        if update_period > 1e6 * tick:
-            raise BodyError(f"update_interval: it lasts a million ticks of {tick:g} s at most, not {update_period:g} s")
+        tick = tick_period(period)
         options: dict[str, float | str] = {
             "period": tick,
             "law": law,
-            "update_interval": update_period,
+            **_update(update_interval, tick),
             "nodes_per_tip": node_count,
         }
         inertia = _inertia(density, rayleigh_alpha, rayleigh_beta)
@@ -367,11 +391,18 @@ class Body(IndentableBody):
             options |= {"instantaneous_ratio": ratio, "retardation_time": time}
         body = self._with_model("hyperelastic", options, static_friction, dynamic_friction)
         volume, surface = self._hyperelastic_arrays()
-        numbers = (node_count, round(update_period / tick), *self.tangential_compliance, *body.kind.friction)
+        numbers = (node_count, *body.update_ticks, *self.tangential_compliance, *body.kind.friction)
         arguments: list[Any] = [*volume.values(), law == "corotational", *surface.values(), *numbers]
         motion = (*(inertia.values() or (0.0, 0.0, 0.0)), ratio, time, tick)
         body.core = _core.HyperelasticBody(*arguments, *motion)
         return body
+
+    @property
+    def update_ticks(self) -> tuple[int, ...]:
+        """Number of ticks of a model update; empty for a body at one rate."""
+        if "update_interval" not in self.kind.options:
+            return ()
+        return (round(float(self.kind.options["update_interval"]) / float(self.kind.options["period"])),)
 
     def _hyperelastic_arrays(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the arrays of the core's hyperelastic body by name: of the tetrahedra, and of the contact surface."""
@@ -437,6 +468,23 @@ def _inertia(density: float | str | None, rayleigh_alpha: float | str, rayleigh_
     if not rho > 0.0:
         raise BodyError(f"density: the density is positive, in kg/m^3 (soft tissue: about 1000), not {rho:g}")
     return {"density": rho, "rayleigh_alpha": alpha, "rayleigh_beta": beta}
+
+
+def _update(update_interval: float | str | None, tick: float, contact: str = "node_normals") -> dict[str, float]:
+    """Return the option of a body at two rates, s, none without an interval; raise BodyError."""
+    if update_interval is None:
+        return {}
+    period = positive(update_interval, "s", "update_interval")
+    if not round(period / tick) >= 1:
+        raise BodyError(f"update_interval: it lasts one tick ({tick:g} s) or more, not {period:g} s")
+    if period > 1e6 * tick:
+        raise BodyError(f"update_interval: it lasts a million ticks of {tick:g} s at most, not {period:g} s")
+    if _by_signed_distance(contact):
+        raise BodyError(
+            'update_interval: a body with a state and contact="signed_distance" runs at one rate; leave it out, or use '
+            'contact="node_normals"'
+        )
+    return {"update_interval": period}
 
 
 def _by_signed_distance(contact: str) -> bool:

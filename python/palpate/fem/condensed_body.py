@@ -33,6 +33,7 @@ CoreBody = (
     | _core.HyperelasticBody
     | _core.SignedDistanceBody
     | _core.SupportedBody
+    | _core.MultirateBody
 )
 _SAMPLED = 16  # nodes, and neighbors of each, to which the tangential compliance is fitted
 

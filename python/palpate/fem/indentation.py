@@ -28,7 +28,7 @@ from palpate.fem.checks import (
 from palpate.fem.condensed_body import CondensedBody
 from palpate.fem.contact_accuracy import force_error, unresolved
 from palpate.fem.errors import BodyError, BodyWarning
-from palpate.fem.model_spec import ModelSpec
+from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
@@ -132,12 +132,20 @@ class IndentableBody(CondensedBody):
         return force_error(nodes, signed_distance=isinstance(self.core, _core.SignedDistanceBody))
 
     def _static_body(self) -> Self | None:
-        """Return the body without inertia, creep, friction and changes of supports, or None if it has none of them."""
+        """Return the body without inertia, creep, friction and changes of supports, or None if it has none of them.
+
+        A body at two rates returns the same body at one rate, or that without inertia and creep.
+        """
         if self.kind.supports is not None:
             static = type(self)(self.contents, self.kind._replace(supports=None))
             if self.kind.name == "signed_distance":
                 static.core = static._signed_distance_core()
             return static
+        if isinstance(self.core, _core.MultirateBody):
+            options = {name: value for name, value in self.kind.options.items() if name != "update_interval"}
+            elastic = type(self)(self.contents, COMPLIANCE._replace(friction=self.kind.friction))
+            one_rate: Self = getattr(elastic, self.kind.name)(**options)
+            return one_rate._static_body() or one_rate
         if isinstance(self.core, _core.ModalBody | _core.StandardLinearSolidBody):
             return type(self)(self.contents)
         if isinstance(self.core, _core.SignedDistanceBody) and (self.core.has_memory or self.kind.friction[0] > 0.0):
@@ -337,8 +345,8 @@ class IndentableBody(CondensedBody):
     def displacement(self) -> Array:
         """Return the mean displacement of each node's patch (n, 3), m.
 
-        A linear body gives the long-term displacement under the forces of the last tick. A mass-spring body gives
-        its current displacement, a hyperelastic body that of each node's vertex at the last model update.
+        A linear body gives the long-term displacement under the forces of the last tick. A mass-spring body at one rate
+        gives its current displacement, a hyperelastic body that of each node's vertex at the last model update.
         """
         if isinstance(self.core, _core.HyperelasticBody):
             return np.asarray(self.core.displacement())[self.node_vertices]

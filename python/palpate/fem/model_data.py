@@ -42,6 +42,8 @@ def model_data(body: Body) -> ModelData:
     static, dynamic = (float(coefficient) for coefficient in body.kind.friction)
     parameters: dict[str, float | str] = {"static_friction": static, "dynamic_friction": dynamic}
     arrays: Arrays = {"points": points, "normals": normals, "areas": areas}
+    if body.update_ticks:
+        parameters["update_interval"] = options["update_interval"] = body.update_ticks[0]
     name = body.kind.name
     if name == "mass_spring":
         network = body._network_arrays()
@@ -86,7 +88,7 @@ def _hyperelastic_data(body: Body) -> ModelData:
     parameters: dict[str, float | str] = {
         "law": str(options["law"]),
         "nodes_per_tip": int(options["nodes_per_tip"]),
-        "update_interval": round(float(options["update_interval"]) / float(options["period"])),
+        "update_interval": body.update_ticks[0],
         "tangential_ratio": float(ratio),
         "common_compliance": float(common),
         "static_friction": float(body.kind.friction[0]),

@@ -52,8 +52,9 @@ _COUNT: Final = must(lambda value: value in range(4, 65), "must be a whole numbe
 _FRICTION: Final = {"static_friction": Option(""), "dynamic_friction": Option("")}
 _DAMPING: Final = {"rayleigh_alpha": Option("1/s"), "rayleigh_beta": Option("s")}
 _CREEP: Final = {"instantaneous_ratio": Option("", _RATIO), "retardation_time": Option("s", POSITIVE)}
+_UPDATE: Final = {"update_interval": Option("s", POSITIVE)}
 _SLOW: Final = {
-    "update_interval": Option("s", POSITIVE),
+    **_UPDATE,
     "nodes_per_tip": Option("", _COUNT),
     "density": Option("kg/m^3", POSITIVE),
     **_DAMPING,
@@ -62,11 +63,11 @@ _SLOW: Final = {
 }
 # A kind stands for `Body.kind(period, **options)`, a law for `Body.hyperelastic(period, law=kind, **options)`.
 KINDS: Final[dict[str, dict[str, Option]]] = {
-    "compliance": _FRICTION,
-    "signed_distance": {"sideways_fraction": Option(""), **_FRICTION},
-    "modal": {**_DAMPING, **_CREEP, **_FRICTION},
-    "mass_spring": {**_DAMPING, **_FRICTION},
-    "viscoelastic": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_FRICTION},
+    "compliance": {**_UPDATE, **_FRICTION},
+    "signed_distance": {"sideways_fraction": Option(""), **_UPDATE, **_FRICTION},
+    "modal": {**_DAMPING, **_CREEP, **_UPDATE, **_FRICTION},
+    "mass_spring": {**_DAMPING, **_UPDATE, **_FRICTION},
+    "viscoelastic": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_UPDATE, **_FRICTION},
     "neo-hookean": _SLOW,
     "corotational": _SLOW,
 }

@@ -301,8 +301,8 @@ def _of_kind(
     from palpate.fem import Law
 
     if kind == "compliance":
-        given = {"static_friction": 0.0, **dict(options)}
-        return body.with_friction(**given) if options else body
+        given = {key: value for key, value in options if key != "update_interval"}  # without a state nothing is updated
+        return body.with_friction(**{"static_friction": 0.0, **given}) if given else body
     if kind in get_args(Law):
         return body.hyperelastic(period, law=kind, **dict(options))  # type: ignore[arg-type]
     made: Body = getattr(body, kind)(period, **dict(options))

@@ -16,11 +16,14 @@
 #include "palpate/deformable/linear/mass_spring_model.hpp"
 #include "palpate/deformable/linear/modal.hpp"
 #include "palpate/deformable/linear/viscoelastic_solid.hpp"
+#include "palpate/deformable/multirate/linear_body_solver.hpp"
+#include "palpate/deformable/multirate/linear_local_slip.hpp"
 #include "palpate/object/any_object.hpp"
 #include "palpate/object/body_instance.hpp"
 #include "palpate/object/deformable_object.hpp"
 #include "palpate/object/mesh_object.hpp"
 #include "palpate/object/moving_frame.hpp"
+#include "palpate/object/multirate_object.hpp"
 #include "palpate/object/scene.hpp"
 #include "palpate/object/signed_distance_body.hpp"
 #include "palpate/object/spring_wall.hpp"
@@ -29,7 +32,6 @@
 #include "palpate/servo/config_reader.hpp"
 #if defined(PALPATE_HYPERELASTIC)
 #include "palpate/deformable/hyperelastic/compiled_solver.hpp"
-#include "palpate/object/hyperelastic_object.hpp"
 #endif
 
 namespace palpate::servo::detail {
@@ -111,6 +113,41 @@ template <class Model>
   return {owner, &owner->body};
 }
 
+/// A linear body at two rates with the nodes that it refers to.
+template <class Model>
+struct OwningMultirateBody {
+  using Solver = deformable::LinearBodySolver<Model>;
+  deformable::SurfaceNodes nodes;
+  object::MultirateObject<Solver, deformable::LinearLocalSlip> body;
+
+  template <class Make>
+  OwningMultirateBody(deformable::SurfaceNodes at, const Make& make, double period, int interval, deformable::DryFriction friction,
+                      const float* full)
+      : nodes(std::move(at)),
+        body(std::make_unique<Solver>(nodes, [&](double tick) { return make(nodes, tick); }, period, interval), interval,
+             friction ? deformable::LinearLocalSlip(friction, nodes, deformable::TangentialCompliance(nodes, full))
+                      : deformable::LinearLocalSlip()) {}
+};
+
+/// Return a body of the model that `make(nodes, period)` returns, at two rates if the section has an update interval. `full` is its
+/// compliance, for friction at two rates.
+template <class Model, class Make>
+[[nodiscard]] std::shared_ptr<const object::DeformableObject> own(ConfigReader& reader, const Section& from,
+                                                                  deformable::SurfaceNodes nodes, const Make& make, double period,
+                                                                  deformable::DryFriction friction, const float* full) {
+  {
+    const Model model = make(nodes, period);
+    if constexpr (requires { model.definite(); })
+      if (!model.definite()) from.fail("masses", "and volumes of a network must be positive");
+    if (!from.has("update_interval")) return own(std::move(nodes), model, friction);
+  }
+  const auto interval = static_cast<int>(from.integer("update_interval", 1, 1'000'000));
+  if (friction && full == nullptr) from.fail("update_interval", "does not go with friction");
+  if (!reader.ok()) return nullptr;
+  const auto owner = std::make_shared<const OwningMultirateBody<Model>>(std::move(nodes), make, period, interval, friction, full);
+  return {owner, &owner->body};
+}
+
 [[nodiscard]] inline std::vector<double> read_frequencies(const Section& from) {
   std::vector<double> out = from.blob<double>("frequencies", -1, 1);
   const bool in_range = std::all_of(out.begin(), out.end(), [](double w) { return w > 1e-9 && w < 1e9; });
@@ -182,7 +219,7 @@ template <class Model>
 
 [[nodiscard]] inline std::shared_ptr<const object::DeformableObject> read_hyperelastic(ConfigReader& reader, const Section& from,
                                                                                        deformable::DryFriction friction) {
-  using Body = object::HyperelasticObject<deformable::AnyQuasiStaticSolver>;
+  using Body = object::MultirateObject<deformable::AnyQuasiStaticSolver>;
   const auto law = from.choice("law", {"neo-hookean", "corotational"}) == 0 ? deformable::HyperelasticLaw::neo_hookean
                                                                             : deformable::HyperelasticLaw::corotational;
   deformable::SolverOptions options;
@@ -337,12 +374,10 @@ template <class Phase>
     if (4e-9 * static_cast<double>(count) * static_cast<double>(network.rest_positions.size()) > 4.0)
       from.fail("positions", "and nodes are too many: the model would take more than 4 GB");
     if (!reader.ok()) return nullptr;
-    const deformable::MassSpringModel body(nodes, std::move(network), std::move(patches), period, alpha, beta);
-    if (!body.definite()) {
-      from.fail("masses", "and volumes of a network must be positive");
-      return nullptr;
-    }
-    return own(std::move(nodes), body, friction);
+    const auto make = [&](const SurfaceNodes& at, double tick) {
+      return deformable::MassSpringModel(at, network, patches, tick, alpha, beta);
+    };
+    return own<deformable::MassSpringModel>(reader, from, std::move(nodes), make, period, friction, nullptr);
   }
   std::vector<float> full = from.blob<float>("compliance", 3 * count, 3 * count);
   const bool rough = friction.mu_static > 0.0;
@@ -361,15 +396,19 @@ template <class Phase>
   const double ratio = from.number("instantaneous_ratio", 1.0, 1e9), retardation = from.number("retardation_time", 1e-9, 1e9);
   if (model == "standard_linear_solid") {
     if (!reader.ok()) return nullptr;
-    const deformable::StandardLinearSolid body(deformable::Compliance(nodes, full.data(), rough), ratio, retardation, period);
-    return own(std::move(nodes), body, friction);
+    const auto make = [&](const SurfaceNodes& at, double tick) {
+      return deformable::StandardLinearSolid(deformable::Compliance(at, full.data(), rough), ratio, retardation, tick);
+    };
+    return own<deformable::StandardLinearSolid>(reader, from, std::move(nodes), make, period, friction, full.data());
   }
   const double alpha = from.number("rayleigh_alpha", 0.0, 1e9), beta = from.number("rayleigh_beta", 0.0, 1e9);
   const std::vector<double> frequencies = read_frequencies(from);
   const std::vector<float> shapes = from.blob<float>("shapes", 3 * count, static_cast<std::int64_t>(frequencies.size()));
   if (!reader.ok()) return nullptr;
-  const deformable::Modal body(nodes, full.data(), shapes.data(), frequencies, period, alpha, beta, ratio, retardation, rough);
-  return own(std::move(nodes), body, friction);
+  const auto make = [&](const SurfaceNodes& at, double tick) {
+    return deformable::Modal(at, full.data(), shapes.data(), frequencies, tick, alpha, beta, ratio, retardation, rough);
+  };
+  return own<deformable::Modal>(reader, from, std::move(nodes), make, period, friction, full.data());
 }
 
 [[nodiscard]] inline object::AnyObject read_placed_body(ConfigReader& reader, const Section& from) {

@@ -8,7 +8,7 @@
 #include <palpate/deformable/multirate/passive_model_switch.hpp>
 #include <palpate/mechanism/premium.hpp>
 #include <palpate/object/body_instance.hpp>
-#include <palpate/object/hyperelastic_object.hpp>
+#include <palpate/object/multirate_object.hpp>
 #include <palpate/plant/device_catalog.hpp>
 #include <palpate/servo/servo.hpp>
 
@@ -52,7 +52,7 @@ struct Solver {
 TEST(HyperelasticNoAllocation, InAServoTick) {
   using palpate::mechanism::Premium, palpate::math::Joints, palpate::math::Vector3;
   const TetBlock block(8, 6, 3, 8e3, 0.4);
-  const auto body = std::make_shared<palpate::object::HyperelasticObject<Solver>>(
+  const auto body = std::make_shared<palpate::object::MultirateObject<Solver>>(
       std::make_unique<Solver>(Solver{{block.mesh, block.top(), {}}}), 20,
       palpate::deformable::LocalModelSlip({0.5, 0.4}, 1.3, 1e-3, block.top().point.size()));
   const Premium arm(palpate::plant::phantom_premium_1_5a());

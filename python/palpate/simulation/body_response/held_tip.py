@@ -76,6 +76,11 @@ class HeldTip:
                 f"{choice.supports[-1].at:g} s; analyze a sample after the last change"
             )
         body = scenario_body(scenario)
+        if isinstance(body.core, _core.MultirateBody):
+            raise StabilityError(
+                f"a linear analysis does not take {choice.kind} at two rates, whose motion outlasts an update; remove "
+                "update_interval from [object.body]"
+            )
         self.core = body.core
         self._by_distance = "signed_distance" in (choice.kind, choice.contact)
         self.radius, self.period = choice.radius, scenario.period

@@ -44,7 +44,7 @@ struct ModelUpdateReport {
   double compliance_error = 0.0;   ///< estimated relative error of the worst compliance column, energy norm
 };
 
-/// A QuasiStaticSolver, for MultirateCoupling and object::HyperelasticObject.
+/// A QuasiStaticSolver, for MultirateCoupling and object::MultirateObject.
 class AnyQuasiStaticSolver {
  public:
   AnyQuasiStaticSolver() = default;

@@ -14,6 +14,8 @@ namespace palpate::deformable {
 class Compliance {
  public:
   Compliance() = default;
+  /// Zero compliance of `nodes` nodes, for set().
+  explicit Compliance(std::size_t nodes) : count_(nodes), normal_(nodes * nodes) {}
 
   /// Project the full compliance onto the normals. `full` is 3n x 3n [m/N], symmetric; row 3 x node + axis. Stores n^2 values in single
   /// precision, and 4 n^2 more if `tangential` (required by friction).

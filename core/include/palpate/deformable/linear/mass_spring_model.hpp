@@ -33,6 +33,8 @@ struct PatchWeights {
 /// velocity reduced. The cost is numerical damping: L / 2 acts as a damper of L h / 2.
 class MassSpringModel {
  public:
+  static constexpr double max_step = 2e-3;  ///< longest period of a look-ahead at two rates, s (LinearBodySolver)
+
   MassSpringModel() = default;
 
   /// `period` [s]; mass damping `alpha` [1/s] and stiffness damping `beta` [s] (of shear).
@@ -102,6 +104,16 @@ class MassSpringModel {
       work += node_force(node, forces[c], tangential == nullptr ? nullptr : tangential + c).dot(patch_step);
     }
     apply_step(work);
+    predict();
+  }
+
+  /// Adopt the state of the same body with another period.
+  void take_state(const MassSpringModel& other) noexcept {
+    position_ = other.position_;
+    velocity_ = other.velocity_;
+    force_ = other.force_;
+    potential_ = other.potential_;
+    kinetic_ = other.kinetic_;
     predict();
   }
 

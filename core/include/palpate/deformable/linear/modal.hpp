@@ -198,11 +198,18 @@ class Modal {
     } else {
       for (std::size_t k = 0; k < next_free_.size(); k += lanes) step_elastic(k);
     }
-    ++tick_;
-    step_norm_ = norm_upper_bound(modal_force_.data(), 0, stride_);
-    path_length_ += step_norm_;
-    next_free_tail_norm_ = norm_upper_bound(next_free_.data(), head_modes(), stride_);
-    next_free_norm_ = std::hypot(next_free_tail_norm_, norm_upper_bound(next_free_.data(), 0, head_modes()));
+    update_bounds();
+  }
+
+  /// Adopt the state of the same body with another period.
+  void take_state(const Modal& other) noexcept {
+    for (std::size_t s = 0; s < state_.size(); ++s) state_[s] = other.state_[s];
+    correction_.take_state(other.correction_);
+    modal_work_ = other.modal_work_;
+    for (Eigen::Index k = 0; k < size(); ++k)
+      set_next_free(static_cast<std::size_t>(k),
+                    transition_[0][k] * state_[0][k] + transition_[1][k] * state_[1][k] + transition_[2][k] * state_[2][k]);
+    update_bounds();
   }
 
   void reset() noexcept {
@@ -255,6 +262,15 @@ class Modal {
     Bound bound;
     std::int64_t next_check = 0;  // earliest tick of the next test
   };
+
+  /// Begin the next tick with the bounds of next_free_, whose change is in modal_force_.
+  void update_bounds() noexcept {
+    ++tick_;
+    step_norm_ = norm_upper_bound(modal_force_.data(), 0, stride_);
+    path_length_ += step_norm_;
+    next_free_tail_norm_ = norm_upper_bound(next_free_.data(), head_modes(), stride_);
+    next_free_norm_ = std::hypot(next_free_tail_norm_, norm_upper_bound(next_free_.data(), 0, head_modes()));
+  }
 
   /// Displacement of a node by all modes, m; evaluated once per tick.
   [[nodiscard]] double modal_displacement(std::int32_t i) noexcept {

@@ -109,6 +109,15 @@ class StandardLinearSolid {
   }
   void advance(const std::int32_t* nodes, const double* forces, int count) noexcept { advance(nodes, forces, nullptr, count); }
 
+  /// Adopt the state of the same body with another period.
+  void take_state(const StandardLinearSolid& other) noexcept {
+    count_ = other.count_;
+    std::copy_n(other.node_.begin(), count_, node_.begin());
+    std::copy_n(other.creep_state_.begin(), count_, creep_state_.begin());
+    std::copy_n(other.tangential_state_.begin(), count_, tangential_state_.begin());
+    state_form_ = other.state_form_;
+  }
+
   void reset() noexcept {
     count_ = 0;
     state_form_ = 0.0;

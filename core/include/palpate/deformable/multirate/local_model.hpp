@@ -9,16 +9,10 @@
 #include "palpate/deformable/contact/float_pack.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/deformable/multirate/local_triangles.hpp"
+#include "palpate/deformable/multirate/multi_tip_result.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
-
-/// Rigid tips that indent one body at the same time.
-struct TipPair {
-  static constexpr int max_tips = 2;
-  int count = 0;
-  std::array<Tip, max_tips> tip{};
-};
 
 /// Linearization of a body about one of its states, at the nodes near the tips (local model, Barbagli, Prattichizzo & Salisbury 2005). Each
 /// node moves along one direction, its inward normal; the triangles of the surface are interpolated between the nodes.
@@ -44,6 +38,7 @@ struct LocalModel {
   double returnable = 0.0;                               ///< energy that the body with memory may still return, J
   long version = 0;                                      ///< of the state, increasing
 
+  [[nodiscard]] bool empty() const noexcept { return nodes.size() == 0; }
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {
     return compliance_matrix[static_cast<std::size_t>(i) * capacity + static_cast<std::size_t>(j)];
   }

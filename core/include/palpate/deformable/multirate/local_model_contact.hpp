@@ -13,18 +13,11 @@
 #include "palpate/deformable/contact/layer_point.hpp"
 #include "palpate/deformable/multirate/local_model.hpp"
 #include "palpate/deformable/multirate/local_newton.hpp"
+#include "palpate/deformable/multirate/multi_tip_result.hpp"
 #include "palpate/deformable/multirate/pressed_triangles.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
-
-/// Result of a contact step with several tips.
-struct MultiTipResult {
-  std::array<ContactResult, TipPair::max_tips> tip{};
-  double energy = 0.0;  ///< released when all tips leave, J
-  int nodes = 0;        ///< number of contact nodes
-  bool solved = true;   ///< the forces have converged, and the model has the nodes that bear them
-};
 
 /// Frictionless contact of rigid tips with a local model through the elastic layer of its surface; the tips interact through the body.
 ///
@@ -36,6 +29,7 @@ struct MultiTipResult {
 /// suffices, because displacements are relative to the state.
 class LocalModelContact {
  public:
+  using Model = LocalModel;
   static constexpr int max_iterations = 20;
 
   /// Solve for the contact forces. The compliance is scaled by `compliance_scale` about the model's state.

@@ -10,26 +10,46 @@
 
 namespace palpate::deformable {
 
+namespace detail {
+template <class Solver>
+struct ContactOf {
+  using Type = LocalModelContact;
+};
+template <class Solver>
+  requires requires { typename Solver::Contact; }
+struct ContactOf<Solver> {
+  using Type = typename Solver::Contact;
+};
+}  // namespace detail
+
 /// Couples a slow body solver with the servo's contact on local models: tip positions go to the solver, local models to the servo. Model
 /// updates run synchronously with the ticks or in one other thread.
 ///
 /// `Solver` provides
 ///   Report step(const TipPair& tips, LocalModel& to)   one model update; may allocate
 ///   void reset()                                       return to rest
+/// and, if its local models are not LocalModel,
+///   Contact                                            of the tips with them, see BasicPassiveModelSwitch
+///   Contact make_contact() const
 /// and, if the body has inertia or relaxation,
 ///   void set_clock(std::int64_t tick)                  tick of the tips of the next update
 ///   void set_static(bool is_static)                    whether updates approach the relaxed equilibrium, without inertia
+/// A Report with a member `advanced` tells whether the model is new; others are published after each update.
 template <class Solver>
 class MultirateCoupling {
  public:
-  using Report = decltype(std::declval<Solver&>().step(std::declval<const TipPair&>(), std::declval<LocalModel&>()));
+  using Contact = typename detail::ContactOf<Solver>::Type;
+  using Model = typename Contact::Model;
+  using Switch = BasicPassiveModelSwitch<Contact>;
+  using Report = decltype(std::declval<Solver&>().step(std::declval<const TipPair&>(), std::declval<Model&>()));
 
-  explicit MultirateCoupling(std::unique_ptr<Solver> solver) : solver_(std::move(solver)) {}
+  explicit MultirateCoupling(std::unique_ptr<Solver> solver) : solver_(std::move(solver)), model_switch_(make_switch()) {}
 
   [[nodiscard]] Solver& solver() noexcept { return *solver_; }
   [[nodiscard]] const Solver& solver() const noexcept { return *solver_; }
-  [[nodiscard]] PassiveModelSwitch& model_switch() noexcept { return *model_switch_; }
-  [[nodiscard]] PassiveModelSwitch::ModelBuffer& models() noexcept { return *models_; }
+  [[nodiscard]] Switch& model_switch() noexcept { return *model_switch_; }
+  [[nodiscard]] const Switch& model_switch() const noexcept { return *model_switch_; }
+  [[nodiscard]] typename Switch::ModelBuffer& models() noexcept { return *models_; }
 
   /// Set the tip positions for the next model update; tick() does so too.
   void set_tips(const TipPair& tips) noexcept {
@@ -47,6 +67,8 @@ class MultirateCoupling {
   /// Perform one model update with the latest tip positions and publish the model.
   void update_model() {
     compute_model();
+    if constexpr (requires { last_report_.advanced; })
+      if (!last_report_.advanced) return;
     publish_model();
   }
 
@@ -69,8 +91,8 @@ class MultirateCoupling {
       compute_model();
       steps_at_rest = last_report_.relative_residual <= rest_tolerance ? steps_at_rest + 1 : 0;
     }
-    model_switch_ = std::make_unique<PassiveModelSwitch>();
-    models_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
+    model_switch_ = make_switch();
+    models_ = std::make_unique<typename Switch::ModelBuffer>();
     set_static(false);
     update_model();
     model_switch_->step(*models_, tips);
@@ -79,7 +101,7 @@ class MultirateCoupling {
   }
 
   /// Local model in use by the servo; only while it does not run.
-  [[nodiscard]] const LocalModel& current_model() const noexcept { return model_switch_->current_model(*models_); }
+  [[nodiscard]] const Model& current_model() const noexcept { return model_switch_->current_model(*models_); }
   [[nodiscard]] const Report& last_report() const noexcept { return last_report_; }
   [[nodiscard]] long update_count() const noexcept { return update_count_; }
   /// Servo tick, from 0 on, whose tips the last update used; -1: none.
@@ -88,14 +110,21 @@ class MultirateCoupling {
   /// Return to rest. Not while another thread updates the model.
   void reset() {
     solver_->reset();
-    model_switch_ = std::make_unique<PassiveModelSwitch>();
-    models_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
+    model_switch_ = make_switch();
+    models_ = std::make_unique<typename Switch::ModelBuffer>();
     tip_samples_ = std::make_unique<LatestValue<TipSample>>();
     update_count_ = 0;
     tick_ = -1;
   }
 
  private:
+  [[nodiscard]] std::unique_ptr<Switch> make_switch() const {
+    if constexpr (requires { typename Solver::Contact; })
+      return std::make_unique<Switch>([this] { return solver_->make_contact(); });
+    else
+      return std::make_unique<Switch>();
+  }
+
   void set_static(bool is_static) {
     if constexpr (requires(Solver& s) { s.set_static(is_static); }) solver_->set_static(is_static);
   }
@@ -108,8 +137,8 @@ class MultirateCoupling {
   };
 
   std::unique_ptr<Solver> solver_;
-  std::unique_ptr<PassiveModelSwitch> model_switch_ = std::make_unique<PassiveModelSwitch>();
-  std::unique_ptr<PassiveModelSwitch::ModelBuffer> models_ = std::make_unique<PassiveModelSwitch::ModelBuffer>();
+  std::unique_ptr<Switch> model_switch_;
+  std::unique_ptr<typename Switch::ModelBuffer> models_ = std::make_unique<typename Switch::ModelBuffer>();
   std::unique_ptr<LatestValue<TipSample>> tip_samples_ = std::make_unique<LatestValue<TipSample>>();
   std::int64_t tick_ = -1;  // last servo tick
   long update_count_ = 0;

@@ -23,9 +23,23 @@ namespace palpate::deformable {
 /// of up to two: the forces at the state stay, the recoverable energy decreases. When the last tip has left the body, the tank keeps at
 /// most the energy that the body still has (LocalModel::returnable): nothing for a quasi-static elastic body. With inertia or
 /// relaxation this is the energy of the swing or of the overstress, and it bounds what the body returns to a tip.
-class PassiveModelSwitch {
+///
+/// `Contact` is that of the tips with one local model, e.g. LocalModelContact or LinearLocalContact:
+///   Model                                             local model, with empty(), has_memory and returnable
+///   const MultiTipResult& solve(model, tips, scale)   forces and potential; `scale` multiplies the compliance about the model's state
+///   void start_from(model, other)                     start the next solution from the forces of another contact
+///   const MultiTipResult& last()                      of the last call of solve()
+///   contact_nodes(), forces(), node_force(k)          contact nodes in ascending order, and the forces on them, N
+template <class Contact>
+class BasicPassiveModelSwitch {
  public:
-  using ModelBuffer = TripleBuffer<LocalModel, 3>;
+  using Model = typename Contact::Model;
+  using ModelBuffer = TripleBuffer<Model, 3>;
+
+  BasicPassiveModelSwitch() = default;
+  /// `make()` returns a contact.
+  template <class Make>
+  explicit BasicPassiveModelSwitch(const Make& make) : slots_{ModelSlot{0, 1.0, make()}, ModelSlot{1, 1.0, make()}, ModelSlot{2, 1.0, make()}} {}
 
   /// Advance by one period with the tips at their present positions. Accepts a model from `models` when the last one is fully blended in.
   const MultiTipResult& step(ModelBuffer& models, const TipPair& tips) noexcept {
@@ -69,15 +83,16 @@ class PassiveModelSwitch {
     }
   }
 
-  [[nodiscard]] const LocalModel& current_model(ModelBuffer& models) const noexcept {
+  [[nodiscard]] const Model& current_model(ModelBuffer& models) const noexcept {
     return models.read_slot(slots_[static_cast<std::size_t>(current_)].slot);
   }
+  [[nodiscard]] const Contact& current_contact() const noexcept { return slots_[static_cast<std::size_t>(current_)].contact; }
 
  private:
   struct ModelSlot {
     int slot = 0;
     double compliance_scale = 1.0;  // of the model's compliance
-    LocalModelContact contact;
+    Contact contact;
   };
 
   /// Iterates over the contact nodes of a model slot with blend weight `weight`.
@@ -94,13 +109,13 @@ class PassiveModelSwitch {
     }
 
    private:
-    const LocalModelContact* contact_;
+    const Contact* contact_;
     double weight_;
     int count_, at_ = 0;
   };
 
   /// Empty the tank down to the energy of the body. The first model after the contact may still be one of the body in contact.
-  void leave(const LocalModel& model) noexcept {
+  void leave(const Model& model) noexcept {
     const double level = models_since_contact_ > 1 ? std::min(tank_.level, model.returnable) : tank_.level;
     tank_ = {};
     if (model.has_memory) tank_.level = level;
@@ -121,7 +136,7 @@ class PassiveModelSwitch {
     double& applied_scale = slots_[static_cast<std::size_t>(slot)].compliance_scale;
     applied_scale = scale;
     double energy = solve(models, slot, tips).energy;
-    for (int k = 0; k < 3 && energy > allowed && applied_scale > min_compliance_scale; ++k) {
+    for (int k = 0; k < 3 && energy > (1.0 + round_off) * allowed && applied_scale > min_compliance_scale; ++k) {
       applied_scale = std::max(0.98 * applied_scale * allowed / energy, min_compliance_scale);
       energy = solve(models, slot, tips).energy;
     }
@@ -138,7 +153,7 @@ class PassiveModelSwitch {
       slots_[static_cast<std::size_t>(current_)].slot = models.acquire(slots_[static_cast<std::size_t>(current_)].slot);
       blend_ticks_ = std::clamp(ticks_since_model_, 1, max_blend_ticks);
       ticks_since_model_ = 0;
-      const bool first = models.read_slot(slots_[static_cast<std::size_t>(previous_)].slot).nodes.size() == 0;
+      const bool first = models.read_slot(slots_[static_cast<std::size_t>(previous_)].slot).empty();
       if (!first) start_from(models, current_, previous_);
       fit_energy(models, current_, tips, 1.0, first ? unlimited : solve(models, previous_, tips).energy + tank_.level);
       tank_.blend = first ? 1.0 : 0.0;
@@ -157,7 +172,7 @@ class PassiveModelSwitch {
 
   void blend_models(ModelBuffer& models, const TipPair& tips, const MultiTipResult& a, const MultiTipResult& b) noexcept {
     const double more = std::min(1.0 / blend_ticks_, 1.0 - tank_.blend);
-    if (more * (b.energy - a.energy) > tank_.level) {
+    if (more * (b.energy - a.energy) > tank_.level + round_off * b.energy) {
       const double before = b.energy, scale = slots_[static_cast<std::size_t>(current_)].compliance_scale;
       fit_energy(models, current_, tips, scale, (1.0 - tank_.blend) * a.energy + tank_.blend * before + tank_.level);
       if (b.energy < before)
@@ -166,7 +181,7 @@ class PassiveModelSwitch {
         fit_energy(models, current_, tips, scale, unlimited);
     }
     const double rise = b.energy - a.energy;
-    tank_.empty = more * rise > tank_.level;
+    tank_.empty = more * rise > tank_.level + round_off * b.energy;
     const double step = tank_.empty ? tank_.level / rise : more;
     tank_.level = std::max(tank_.level - step * rise, 0.0);
     tank_.blend += step;
@@ -191,6 +206,7 @@ class PassiveModelSwitch {
   static constexpr int max_blend_ticks = 100;          // longest blend
   static constexpr double min_compliance_scale = 0.5;  // a model is stiffened by at most its inverse
   static constexpr double unlimited = 1e300;           // J
+  static constexpr double round_off = 1e-12;           // of an energy
 
   std::array<ModelSlot, 3> slots_{ModelSlot{0, 1.0, {}}, ModelSlot{1, 1.0, {}}, ModelSlot{2, 1.0, {}}};
   int previous_ = 0, current_ = 1, spare_ = 2;
@@ -200,5 +216,8 @@ class PassiveModelSwitch {
   MultiTipResult result_;
   EnergyTank tank_;
 };
+
+/// Of the local models of hyperelastic bodies.
+using PassiveModelSwitch = BasicPassiveModelSwitch<LocalModelContact>;
 
 }  // namespace palpate::deformable

@@ -15,16 +15,18 @@
 
 namespace palpate::object {
 
-/// Hyperelastic body in a servo loop, optionally with friction. In virtual time a model update lasts `update_interval` ticks: it uses the
-/// tip position of the first tick and is published after the last.
+/// Body at two rates in a servo loop, optionally with friction: hyperelastic, or linear (LinearBodySolver with LinearLocalSlip). In virtual
+/// time a model update lasts `update_interval` ticks: it uses the tip position of the first tick and is published after the last.
 ///
 /// `Solver` is that of MultirateCoupling, and provides
 ///   std::unique_ptr<Solver> clone_at_rest() const   copy at rest with its own state
+/// and optionally, for an observer,
 ///   void displacement(double* to) const             of all points, 3 x point + axis, m
-template <class Solver>
-class HyperelasticObject final : public DeformableObject {
+/// `Slip` is the friction on the solver's local models, see LocalModelSlip.
+template <class Solver, class Slip = deformable::LocalModelSlip>
+class MultirateObject final : public DeformableObject {
  public:
-  HyperelasticObject(std::unique_ptr<Solver> solver, int update_interval, deformable::LocalModelSlip slip = {})
+  MultirateObject(std::unique_ptr<Solver> solver, int update_interval, Slip slip = {})
       : coupling_(std::move(solver)), update_interval_(update_interval), slip_(std::move(slip)) {
     tips_.count = 1;
   }
@@ -53,12 +55,15 @@ class HyperelasticObject final : public DeformableObject {
   [[nodiscard]] const double* forces() const noexcept { return forces_.data(); }  ///< along the inward normals, N
   [[nodiscard]] Vector3<> node_force(int k) const noexcept override { return node_forces_[static_cast<std::size_t>(k)]; }
   [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept override {
-    return result_.nodes > 0
+    if constexpr (requires { coupling_.model_switch().current_contact().outward(tip); })
+      return coupling_.model_switch().current_contact().outward(tip);
+    else
+      return result_.nodes > 0
                ? outward_
                : deformable::estimate_outward(coupling_.current_model().nodes, tip, 0, [](int) { return Vector3<>(Vector3<>::Zero()); });
   }
   [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override {
-    return std::make_unique<HyperelasticObject>(coupling_.solver().clone_at_rest(), update_interval_, slip_at_rest());
+    return std::make_unique<MultirateObject>(coupling_.solver().clone_at_rest(), update_interval_, slip_at_rest());
   }
 
   /// Provide the first local model: the body at rest near the tip.
@@ -107,8 +112,8 @@ class HyperelasticObject final : public DeformableObject {
   }
 
  private:
-  [[nodiscard]] deformable::LocalModelSlip slip_at_rest() const {
-    deformable::LocalModelSlip slip = slip_;
+  [[nodiscard]] Slip slip_at_rest() const {
+    Slip slip = slip_;
     slip.reset();
     return slip;
   }
@@ -119,7 +124,8 @@ class HyperelasticObject final : public DeformableObject {
     DeformationFrame& next = observer_->write_slot();
     next.step = coupling_.update_count();
     next.tick = coupling_.last_seen_tick();
-    coupling_.solver().displacement(next.displacement.data());
+    if constexpr (requires { coupling_.solver().displacement(next.displacement.data()); })
+      coupling_.solver().displacement(next.displacement.data());
     observer_->publish();
   }
 
@@ -164,7 +170,7 @@ class HyperelasticObject final : public DeformableObject {
   LatestValue<DeformationFrame>* observer_ = nullptr;
   deformable::TipPair tips_;
   deformable::ContactResult result_;
-  deformable::LocalModelSlip slip_;
+  Slip slip_;
   Vector3<> outward_ = Vector3<>::UnitZ();     // mean normal of the contact forces
   bool has_last_center_ = false;               // false before the first step
   Vector3<> last_center_ = Vector3<>::Zero();  // tip center of the last step, m

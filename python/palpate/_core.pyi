@@ -197,6 +197,44 @@ class MassSpringBody(DeformableBody):
         Number of periods whose speed was reduced to keep the energy from rising.
         """
 
+class MultirateBody(DeformableBody):
+    """Linear body whose model is updated at a low rate, after the ticks."""
+
+    @staticmethod
+    def mass_spring(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], positions: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], masses: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], springs: Annotated[NDArray[numpy.int32], dict(shape=(None, 2), order='C', device='cpu', writable=False)], stiffness: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int32], dict(shape=(None, 4), order='C', device='cpu', writable=False)], pressure: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_begin: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_vertices: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], patch_weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, rayleigh_alpha: float, rayleigh_beta: float, update_interval: int) -> MultirateBody: ...
+
+    @staticmethod
+    def modal(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], shapes: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], frequencies: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], period: float, rayleigh_alpha: float, rayleigh_beta: float, instantaneous_ratio: float, retardation_time: float, static_friction: float, dynamic_friction: float, update_interval: int) -> MultirateBody: ...
+
+    @staticmethod
+    def viscoelastic(points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], instantaneous_ratio: float, retardation_time: float, period: float, static_friction: float, dynamic_friction: float, update_interval: int) -> MultirateBody: ...
+
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+        """
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
+        """
+
+    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+        """
+        Return the duration of each step without the model updates, s, including the clock's own.
+        """
+
+    def contact_forces(self) -> tuple:
+        """
+        Return the contact nodes of the last step and the forces along their inward normals, N.
+        """
+
+    def friction_forces(self) -> NDArray[numpy.float64]:
+        """
+        Return the friction forces on the contact nodes of the last step (n, 3), N.
+        """
+
+    @property
+    def tank_energy(self) -> float:
+        """Level of the energy tank after the last step, J."""
+
+    def reset(self) -> None: ...
+
 @overload
 def scatter_add(to: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu')], from_: Annotated[NDArray[numpy.float64], dict(shape=(None, None), device='cpu', writable=False)], rows: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], columns: Annotated[NDArray[numpy.int64], dict(shape=(None,), order='C', device='cpu', writable=False)], lower: bool = False) -> None: ...
 
@@ -348,10 +386,6 @@ class HyperelasticBody(DeformableBody):
 
     def reset(self) -> None: ...
 
-class MultirateBody(DeformableBody):
-    """Linear body whose model is updated at a low rate, after the ticks."""
-
-PLACEHOLDER
 class HyperelasticModel:
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, instantaneous_ratio: float = 1.0, retardation_time: float = 1.0) -> None: ...
 

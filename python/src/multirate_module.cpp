@@ -36,7 +36,7 @@ struct MultirateCore : BodyInLoop {
   /// Return a body that the caller owns.
   template <class Model, class Make>
   static MultirateCore* of(SurfaceNodes at, const Make& make, double period, int update_interval, DryFriction friction = {},
-                          const float* full = nullptr) {
+                           const float* full = nullptr) {
     if (update_interval < 1 || !(period > 0.0)) throw nb::value_error("period and update_interval must be positive");
     auto core = std::make_unique<MultirateCore>();
     core->nodes = std::make_unique<SurfaceNodes>(std::move(at));
@@ -45,8 +45,8 @@ struct MultirateCore : BodyInLoop {
     auto solver = std::make_unique<Solver>(nodes, [&](double tick) { return make(nodes, tick); }, period, update_interval);
     LinearLocalSlip slip;
     if (friction) slip = LinearLocalSlip(friction, nodes, TangentialCompliance(nodes, full));
-    core->body = std::make_unique<palpate::object::MultirateObject<Solver, LinearLocalSlip>>(std::move(solver), update_interval,
-                                                                                           std::move(slip));
+    core->body =
+        std::make_unique<palpate::object::MultirateObject<Solver, LinearLocalSlip>>(std::move(solver), update_interval, std::move(slip));
     return core.release();
   }
 
@@ -81,9 +81,9 @@ struct MultirateCore : BodyInLoop {
 };
 
 MultirateCore* spring_body(const Points& at, const Points& normals, const Numbers& areas, const Points& positions, const Numbers& masses,
-                          const Flags& fixed, const IndexRows<2>& springs, const Numbers& stiffness, const IndexRows<4>& tetrahedra,
-                          const Numbers& pressure, const Indices& begin, const Indices& vertices, const Numbers& shares, double period,
-                          double alpha, double beta, int update_interval) {
+                           const Flags& fixed, const IndexRows<2>& springs, const Numbers& stiffness, const IndexRows<4>& tetrahedra,
+                           const Numbers& pressure, const Indices& begin, const Indices& vertices, const Numbers& shares, double period,
+                           double alpha, double beta, int update_interval) {
   if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
     throw nb::value_error("the sizes of the body's arrays do not match");
   const auto make = [&](const SurfaceNodes& nodes, double tick) {

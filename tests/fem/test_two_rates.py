@@ -42,7 +42,9 @@ def made(body: Body, kind: str, **more: Any) -> Body:
 def path(ticks: int, depth: float = 2e-3, side: float = 1e-3, rest: int = 0) -> np.ndarray:
     """Press in and move to the side within `ticks`, then rest."""
     s = np.minimum(np.arange(ticks + rest) / ticks, 1.0)
-    return np.stack([0.0151 + side * s, 0.0148 - 0.5 * side * s, TOP + RADIUS - depth * np.sin(0.5 * np.pi * s)], axis=1)
+    return np.stack(
+        [0.0151 + side * s, 0.0148 - 0.5 * side * s, TOP + RADIUS - depth * np.sin(0.5 * np.pi * s)], axis=1
+    )
 
 
 @every
@@ -83,7 +85,7 @@ def test_repeated_runs_are_identical(body: Body, kind: str) -> None:
 
 @rough
 def test_friction_at_rest_is_near_that_of_one_rate(body: Body, kind: str) -> None:
-    """A sticking tip is dragged 0.5 mm: the same static compliance, but full patches and no memory along the surface."""
+    """A sticking tip is dragged 0.5 mm: the same static compliance, but full patches and no memory across."""
     rub = {"static_friction": 0.8, "dynamic_friction": 0.6}
     way = np.concatenate([path(200, side=0.0, rest=100), path(200, side=0.0, rest=700)[-700:]])
     way[300:, 0] += 0.5e-3 * np.minimum(np.arange(len(way) - 300) / 100, 1.0)
@@ -155,7 +157,7 @@ def errors_over_speed(body: Body, kind: str | None, interval: int, speed: float)
 
 
 @pytest.mark.parametrize("kind", ["viscoelastic", "modal", "mass_spring"])
-@pytest.mark.parametrize("speed", [5e-3, 20e-3, 50e-3])
+@pytest.mark.parametrize("speed", [20e-3, 50e-3])
 def test_a_local_model_is_nearer_than_the_last_force(body: Body, kind: str, speed: float) -> None:
     """docs/validation/deformable-bodies.md has the numbers."""
     found = errors_over_speed(body, kind, 20, speed)

@@ -266,7 +266,8 @@ class Body(IndentableBody):
         The force converges for contact radii from a third of the node spacing, on curved surfaces and at edges; see
         docs/validation/deformable-bodies.md. A sphere needs no `outward` direction. Beyond about one radius of depth a
         thick body is pushed through, and the contact is lost. The model has no state, so it ignores the `period`, and
-        an `update_interval` leaves its force unchanged: the local model would be the model. With friction the contact's layer shears too, so a tangential force builds up as in a Cattaneo-Mindlin contact.
+        an `update_interval` leaves its force unchanged: the local model would be the model. With friction the contact's
+        layer shears too, so a tangential force builds up as in a Cattaneo-Mindlin contact.
 
         With `sideways_fraction` below 1 the contact counts only this fraction of the displacement across the normals at
         rest. 1 is linear elasticity. A fraction of 0.65 was closer to neo-Hookean forces at depths above a tenth of the
@@ -330,7 +331,8 @@ class Body(IndentableBody):
             body.core = _core.MultirateBody.mass_spring(*arguments, *body.update_ticks)
             return body
         body.settling_period, body.ramp_time = options["period"], 0.25
-        body.core = _core.MassSpringBody(*arguments, *body.kind.friction)
+        arguments += body.kind.friction
+        body.core = _core.MassSpringBody(*arguments)
         return body
 
     def hyperelastic(

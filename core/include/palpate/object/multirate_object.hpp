@@ -59,8 +59,8 @@ class MultirateObject final : public DeformableObject {
       return coupling_.model_switch().current_contact().outward(tip);
     else
       return result_.nodes > 0
-               ? outward_
-               : deformable::estimate_outward(coupling_.current_model().nodes, tip, 0, [](int) { return Vector3<>(Vector3<>::Zero()); });
+                 ? outward_
+                 : deformable::estimate_outward(coupling_.current_model().nodes, tip, 0, [](int) { return Vector3<>(Vector3<>::Zero()); });
   }
   [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override {
     return std::make_unique<MultirateObject>(coupling_.solver().clone_at_rest(), update_interval_, slip_at_rest());

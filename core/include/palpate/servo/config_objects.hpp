@@ -124,7 +124,9 @@ struct OwningMultirateBody {
   OwningMultirateBody(deformable::SurfaceNodes at, const Make& make, double period, int interval, deformable::DryFriction friction,
                       const float* full)
       : nodes(std::move(at)),
-        body(std::make_unique<Solver>(nodes, [&](double tick) { return make(nodes, tick); }, period, interval), interval,
+        body(std::make_unique<Solver>(
+                 nodes, [&](double tick) { return make(nodes, tick); }, period, interval),
+             interval,
              friction ? deformable::LinearLocalSlip(friction, nodes, deformable::TangentialCompliance(nodes, full))
                       : deformable::LinearLocalSlip()) {}
 };
@@ -132,9 +134,9 @@ struct OwningMultirateBody {
 /// Return a body of the model that `make(nodes, period)` returns, at two rates if the section has an update interval. `full` is its
 /// compliance, for friction at two rates.
 template <class Model, class Make>
-[[nodiscard]] std::shared_ptr<const object::DeformableObject> own(ConfigReader& reader, const Section& from,
-                                                                  deformable::SurfaceNodes nodes, const Make& make, double period,
-                                                                  deformable::DryFriction friction, const float* full) {
+[[nodiscard]] std::shared_ptr<const object::DeformableObject> own(ConfigReader& reader, const Section& from, deformable::SurfaceNodes nodes,
+                                                                  const Make& make, double period, deformable::DryFriction friction,
+                                                                  const float* full) {
   {
     const Model model = make(nodes, period);
     if constexpr (requires { model.definite(); })

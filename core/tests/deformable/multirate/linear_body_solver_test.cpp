@@ -71,9 +71,9 @@ struct Servo {
   TwoRates<typename Kind::Model> object;
   bool started = false;
 
-  Servo(const Kind& kind, int interval)
+  Servo(const Kind& kind, int interval, double tick_period = period)
       : object(std::make_unique<palpate::deformable::LinearBodySolver<typename Kind::Model>>(
-                   kind.nodes(), [&kind](double tick) { return kind.make(tick); }, period, interval),
+                   kind.nodes(), [&kind](double tick) { return kind.make(tick); }, tick_period, interval),
                interval) {}
   ContactResult tick(const Tip& tip) {
     if (!started) object.initialize(tip);
@@ -150,21 +150,21 @@ TYPED_TEST(LinearBodyTwoRates, TheForceConvergesWithTheInterval) {
 }
 
 // Law: at any interval the work of the tip is potential plus tank level, neither is negative, and a tip gains no work on a path from free
-// to free.
+// to free. The servo is fast: the force that it holds over a tick while a model is blended in is not part of the balance.
 TYPED_TEST(LinearBodyTwoRates, WorkIsPotentialPlusTankLevel) {
-  for (const int interval : {4, 20, 50}) {
-    Servo<TypeParam> servo(this->kind, interval);
+  for (const int interval : {20, 160}) {
+    Servo<TypeParam> servo(this->kind, interval, 0.125e-3);
     std::mt19937 random(11);
     std::normal_distribution<double> normal;
     Vector3<> way = Vector3<>::Zero(), step = Vector3<>::Zero(), before = Vector3<>::Zero();
     ContactResult last;
     double work = 0.0, since_free = 0.0, most = 0.0, error = 0.0, excess = 0.0, start = 0.0;
     long touched = 0, free = 0;
-    constexpr int fine = 8;  // ticks of a random step
-    for (int k = 0; k < 60'000; ++k) {
+    constexpr int fine = 32;  // ticks of a random step
+    for (int k = 0; k < 80'000; ++k) {
       for (int a = 0; a < 3 && k % fine == 0; ++a) step[a] = 0.01 / fine * (-way[a] + this->kind.aside * normal(random));
       way += step;
-      const Tip tip = tip_at(this->kind, 3.0 * way[0], 3.0 * way[1], 3.0 * way[2] + this->kind.depth * (0.3 - std::cos(1e-3 * k)));
+      const Tip tip = tip_at(this->kind, 3.0 * way[0], 3.0 * way[1], 3.0 * way[2] + this->kind.depth * (0.3 - std::cos(2.5e-4 * k)));
       const ContactResult now = servo.tick(tip);
       ASSERT_TRUE(now.solved);
       ASSERT_GE(now.tank_energy, 0.0);

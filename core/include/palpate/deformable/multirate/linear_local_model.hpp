@@ -21,9 +21,9 @@ struct LinearLocalModel {
   std::vector<double> elastic_displacement;  ///< compliance times force at the state, m
   double lowest_free = 0.0;                  ///< lower bounds of both, m
   double lowest_elastic = 0.0;
-  bool has_memory = false;   ///< whether the body may swing or recover when the tip has left
-  double returnable = 0.0;   ///< energy that the body with memory may still return, J
-  long version = 0;          ///< increasing
+  bool has_memory = false;  ///< whether the body may swing or recover when the tip has left
+  double returnable = 0.0;  ///< energy that the body with memory may still return, J
+  long version = 0;         ///< increasing
 
   [[nodiscard]] bool empty() const noexcept { return free_displacement.empty(); }
 };

@@ -39,7 +39,8 @@ class BasicPassiveModelSwitch {
   BasicPassiveModelSwitch() = default;
   /// `make()` returns a contact.
   template <class Make>
-  explicit BasicPassiveModelSwitch(const Make& make) : slots_{ModelSlot{0, 1.0, make()}, ModelSlot{1, 1.0, make()}, ModelSlot{2, 1.0, make()}} {}
+  explicit BasicPassiveModelSwitch(const Make& make)
+      : slots_{ModelSlot{0, 1.0, make()}, ModelSlot{1, 1.0, make()}, ModelSlot{2, 1.0, make()}} {}
 
   /// Advance by one period with the tips at their present positions. Accepts a model from `models` when the last one is fully blended in.
   const MultiTipResult& step(ModelBuffer& models, const TipPair& tips) noexcept {

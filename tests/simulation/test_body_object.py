@@ -100,6 +100,8 @@ def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:
         ("viscoelastic", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms"}),
         ("modal", {"rayleigh_beta": "1 ms", "static_friction": 0.5}),
         ("mass_spring", {"rayleigh_beta": "2 ms", "static_friction": 0.5, "dynamic_friction": 0.4}),
+        ("mass_spring", {"rayleigh_beta": "2 ms", "update_interval": "20 ms"}),
+        ("modal", {"rayleigh_beta": "1 ms", "update_interval": "7 ms", "static_friction": 0.5}),
     ],
 )
 def test_the_loop_feels_what_the_body_answers(block: Path, tip: str, kind: str, options: dict[str, Any]) -> None:

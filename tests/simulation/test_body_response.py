@@ -314,3 +314,15 @@ def test_a_hyperelastic_body_is_brought_into_equilibrium_against_the_force_of_th
     for none in (0.0, -1.0, np.nan):
         with pytest.raises(StabilityError, match="the hyperelastic body finds no equilibrium under the tip held still"):
             tip._equilibrate(Core(none))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["mass_spring", "modal"])
+def test_linear_bodies_at_two_rates_are_left_undecided(block: Path, kind: str) -> None:
+    """Their motion outlasts an update, so the response about one update would not be that of the loop."""
+    with pytest.raises(StabilityError, match=f"does not take {kind} at two rates.*remove update_interval"):
+        held(block, kind, rayleigh_beta="2 ms", update_interval="20 ms")
+
+
+def test_an_update_interval_does_not_change_a_static_body(block: Path) -> None:
+    one = body_response(held(block, "compliance")).static
+    np.testing.assert_array_equal(one, body_response(held(block, "compliance", update_interval="20 ms")).static)

@@ -113,6 +113,8 @@ def press(block: Path, **body: Any) -> dict[str, Any]:
         ("modal", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms"}),
         ("viscoelastic", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms"}),
         ("mass_spring", {"rayleigh_beta": "2 ms"}),
+        ("modal", {"rayleigh_beta": "1 ms", "update_interval": "7 ms"}),
+        ("viscoelastic", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms", "update_interval": "7 ms"}),
         ("signed_distance", {"sideways_fraction": 0.7}),
         ("signed_distance", {"contact_points": [["-9 mm", "0 mm", "0 mm"], ["9 mm", "2 mm", "0 mm"]]}),
         ("modal", {"contact": "signed_distance", "rayleigh_beta": "1 ms"}),

@@ -235,7 +235,6 @@ template <class Model, class Make>
   if (from.has("instantaneous_ratio")) {
     options.relaxation.instantaneous_ratio = from.number("instantaneous_ratio", 1.0, 1e9);
     options.relaxation.retardation_time = from.number("retardation_time", 1e-9, 1e9);
-    if (from.has("density")) from.fail("instantaneous_ratio", "does not go with a density");
   }
   if (from.has("density") || from.has("instantaneous_ratio")) options.tick_period = from.number("period", 1e-9, 1e3);
   options.update_interval = interval;

@@ -60,6 +60,9 @@ class Corotational {
     return shear_ * strain_.squaredNorm() + (Scalar(0.5) * lame_) * (volume_strain_ * volume_strain_);
   }
 
+  /// Modulus m of the energy m/2 |F|^2 under large stretches, Pa; lambda only adds to it.
+  [[nodiscard]] static Scalar stretch_modulus(Scalar shear) noexcept { return Scalar(2.0) * shear; }
+
   /// First Piola-Kirchhoff stress, Pa.
   [[nodiscard]] Matrix3<Scalar> stress() const noexcept { return (Scalar(2.0) * shear_) * strain_ + pressure_ * rotation_; }
 

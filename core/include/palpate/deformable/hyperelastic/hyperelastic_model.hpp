@@ -47,8 +47,8 @@ struct DeadLoad {
 ///
 /// With relaxation the body is a standard linear solid (Overstress) in each edge domain, whose stress includes the pressure of its nodes.
 /// Between begin_step() and end_step(), energies, forces and tangent are those of the potential of the step,
-///   stiffness W + sum_e V_e H_e : (F_e^T F_e - I) / 2,
-/// with the energy W above. So an implicit step is a minimum, as an equilibrium is.
+///   (weight + gain) W + sum_e V_e H_e : (F_e^T F_e - I) / 2,
+/// with the energy W above. So an implicit step is a minimum, as an equilibrium is. The weight is 1 but for damping by the stiffness.
 ///
 /// Vectors have entry 3 x free node + axis; point_of() maps nodes to mesh points.
 template <template <class> class Material, int lanes>
@@ -83,6 +83,7 @@ class HyperelasticModel {
     nodal_volume_ = std::move(domains.nodal_volume);
     nodal_lame_ = std::move(domains.nodal_lame);
     nodal_strain_.resize(nodal_volume_.size());
+    if (relaxation_.enabled()) nodal_memory_.resize(nodal_volume_.size(), PressureMemory(0.0));
     const std::size_t unknowns = 3 * static_cast<std::size_t>(free_count_), all = 3 * mesh.points.size();
     displacement_.assign(all, 0.0);
     trial_displacement_.assign(all, 0.0);
@@ -118,32 +119,66 @@ class HyperelasticModel {
   }
 
   [[nodiscard]] const Relaxation& relaxation() const noexcept { return relaxation_; }
+  [[nodiscard]] double weight() const noexcept { return weight_; }  ///< of the elastic energy in the potential
 
   /// Begin a step of a duration [s] of a body with relaxation. With `fully_relaxed` the forces are those of the long term. `displacement`
-  /// [m], of all nodes, is set first if given.
-  void begin_step(double duration, const double* displacement = nullptr) {
+  /// [m], of all nodes, is set first if given. `weight` of the elastic energy in the potential.
+  void begin_step(double duration, const double* displacement = nullptr, double weight = 1.0) {
     if (relaxation_.enabled()) {
       relaxation_step_ = RelaxationStep(relaxation_, duration);
       for (Overstress<Scalar>& o : overstress_) o.begin_step(relaxation_step_);
+      for (PressureMemory& m : nodal_memory_) m.begin_step(relaxation_step_);
     }
-    if (displacement != nullptr)
-      set_displacement(displacement);
-    else if (relaxation_.enabled())
-      evaluate_state();
+    begin(displacement, weight);
+  }
+
+  /// Begin stage 0 or 1 of a step of length h [s] of the Runge-Kutta method with `gamma` (BodyDynamics); the second one at the end of the
+  /// first one. `displacement` and `weight` as in begin_step().
+  void begin_stage(int stage, double gamma, double h, const double* displacement, double weight) {
+    if (relaxation_.enabled()) {
+      relaxation_step_ = RelaxationStep::stage(relaxation_, stage, gamma, h);
+      for (std::size_t g = 0; g < groups_.size(); ++g)
+        if (stage == 0)
+          overstress_[g].begin_step(relaxation_step_);
+        else
+          overstress_[g].begin_second_stage(relaxation_step_, deformations_[g], materials_[g].stress());
+      for (std::size_t i = 0; i < nodal_memory_.size(); ++i)
+        if (stage == 0)
+          nodal_memory_[i].begin_step(relaxation_step_);
+        else
+          nodal_memory_[i].begin_second_stage(relaxation_step_, nodal_pressure(i));
+    }
+    begin(displacement, weight);
+  }
+
+  /// Whether the potential of the step has a lower bound in each edge: its constant stress compresses less than the law resists a stretch.
+  [[nodiscard]] bool is_bounded() const noexcept {
+    for (std::size_t g = 0; g < overstress_.size(); ++g)
+      if (any(overstress_[g].compression() >= Scalar(stiffness()) * Material<Scalar>::stretch_modulus(groups_[g].shear))) return false;
+    return true;
+  }
+
+  /// Write the derivative of W, i.e. the internal forces of the long term, to the free nodes of `forces`, N.
+  void elastic_forces(std::vector<double>& forces) noexcept {
+    std::fill(forces.begin(), forces.end(), 0.0);
+    for (std::size_t g = 0; g < groups_.size(); ++g) add_gradient(groups_[g], materials_[g].stress() * groups_[g].volume, forces.data());
   }
 
   /// Complete the step at the present displacement.
   void end_step() noexcept {
     if (!relaxation_.enabled()) return;
     overstress_energy_ = 0.0;
+    const double ratio = relaxation_.instantaneous_ratio - 1.0;
+    for (std::size_t i = 0; i < nodal_memory_.size(); ++i) {
+      nodal_memory_[i].end_step(relaxation_step_, nodal_pressure(i));
+      const double q = nodal_memory_[i].overstress;
+      if (nodal_lame_[i] > 0.0) overstress_energy_ += 0.5 * nodal_volume_[i] * q * q / (ratio * nodal_lame_[i]);
+    }
     for (std::size_t g = 0; g < groups_.size(); ++g) {
       const Group& group = groups_[g];
       overstress_[g].end_step(relaxation_step_, deformations_[g], materials_[g].stress());
-      Scalar lame = group.lame;
-      for (const Indices& end : group.ends)
-        for (int l = 0; l < lanes; ++l)
-          lame.set(l, lame[l] + 0.5 * nodal_lame_[static_cast<std::size_t>(end[static_cast<std::size_t>(l)])]);
-      const Scalar stored = group.volume * overstress_[g].stored(Scalar(relaxation_.instantaneous_ratio - 1.0), group.shear, lame);
+      const Scalar pressure = mean_of_ends(group, [this](std::size_t i) { return nodal_memory_[i].overstress; });
+      const Scalar stored = group.volume * overstress_[g].stored(pressure, Scalar(ratio), group.shear, group.lame);
       for (int l = 0; l < lanes; ++l) overstress_energy_ += stored[l];
     }
   }
@@ -159,8 +194,10 @@ class HyperelasticModel {
   void reset() {
     exact_tangent_ = true;
     for (Overstress<Scalar>& o : overstress_) o = {};
+    for (PressureMemory& m : nodal_memory_) m = PressureMemory(0.0);
     overstress_energy_ = 0.0;
     relaxation_step_ = {};
+    weight_ = 1.0;
     set_displacement(std::vector<double>(displacement_.size(), 0.0).data());
     preconditioner_.update_coarse(tangent_);
     baseline_steps_ = 0;
@@ -244,6 +281,7 @@ class HyperelasticModel {
  private:
   using Scalar = Pack<lanes>;
 
+  using PressureMemory = StressMemory<double, double>;
   using Indices = std::array<std::int32_t, static_cast<std::size_t>(lanes)>;
 
   /// `lanes` edges side by side, with the same number of weights; the last edge is repeated without volume.
@@ -327,8 +365,29 @@ class HyperelasticModel {
     }
   }
 
+  [[nodiscard]] double nodal_pressure(std::size_t i) const noexcept { return nodal_lame_[i] * nodal_strain_[i]; }  ///< Pa
+  /// Mean of a value of nodes over the two ends of each edge.
+  template <class Value>
+  [[nodiscard]] static Scalar mean_of_ends(const Group& group, Value value) noexcept {
+    Scalar mean;
+    for (int l = 0; l < lanes; ++l) {
+      const auto at = static_cast<std::size_t>(l);
+      mean.set(l, 0.5 * (value(static_cast<std::size_t>(group.ends[0][at])) + value(static_cast<std::size_t>(group.ends[1][at]))));
+    }
+    return mean;
+  }
+
+  void begin(const double* displacement, double weight) {
+    const bool is_old = relaxation_.enabled() || weight != weight_;
+    weight_ = weight;
+    if (displacement != nullptr)
+      set_displacement(displacement);
+    else if (is_old)
+      evaluate_state();
+  }
+
   /// Factor of the elastic energy in the potential.
-  [[nodiscard]] double stiffness() const noexcept { return relaxation_step_.stiffness(); }
+  [[nodiscard]] double stiffness() const noexcept { return weight_ + relaxation_step_.gain; }
 
   void evaluate_state() {
     potential_ = evaluate(displacement_.data(), gradient_.data(), exact_tangent_);
@@ -371,16 +430,10 @@ class HyperelasticModel {
     for (std::size_t g = 0; g < groups_.size(); ++g) {
       const Group& group = groups_[g];
       Material<Scalar>& material = materials_[g];
-      Scalar pressure;  // mean of the two ends
-      for (int l = 0; l < lanes; ++l) {
-        const auto i = static_cast<std::size_t>(group.ends[0][static_cast<std::size_t>(l)]),
-                   j = static_cast<std::size_t>(group.ends[1][static_cast<std::size_t>(l)]);
-        pressure.set(l, 0.5 * (nodal_lame_[i] * nodal_strain_[i] + nodal_lame_[j] * nodal_strain_[j]));
-      }
-      material.add_pressure(pressure);
-      Matrix3<Scalar> stress = material.stress() * group.volume;
+      material.add_pressure(mean_of_ends(group, [this](std::size_t i) { return nodal_pressure(i); }));
+      Matrix3<Scalar> stress = material.stress() * (group.volume * Scalar(stiffness()));
       if (relaxation_.enabled()) {
-        stress = stress * Scalar(stiffness()) + overstress_[g].stress(deformations_[g]) * group.volume;
+        stress += overstress_[g].stress(deformations_[g]) * group.volume;
         const Scalar potential = group.volume * overstress_[g].potential(deformations_[g]);
         for (int l = 0; l < lanes; ++l) constant += potential[l];
         for (std::size_t a = 0; a < group.weights; ++a)
@@ -500,8 +553,10 @@ class HyperelasticModel {
   ConjugateGradients<float> solver_;
   Relaxation relaxation_;
   RelaxationStep relaxation_step_;              // of the potential
+  double weight_ = 1.0;                         // same, of the elastic energy
   std::vector<Matrix3<Scalar>> deformations_;   // by group, with relaxation: F at the last evaluated displacement
   std::vector<Overstress<Scalar>> overstress_;  // same
+  std::vector<PressureMemory> nodal_memory_;    // by node, with relaxation: for the energy of the overstress
   std::vector<Vector3<Scalar>> images_;         // workspace, by weight of a group: constant stress times gradient and volume
   double potential_ = 0.0;                      // of the step at the displacement, J
   double elastic_energy_ = 0.0;                 // W at the last evaluated displacement, J

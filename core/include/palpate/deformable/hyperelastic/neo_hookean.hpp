@@ -34,6 +34,9 @@ class NeoHookean {
            shear_ * volume_change_;
   }
 
+  /// Modulus m of the energy m/2 |F|^2 under large stretches of constant volume, Pa.
+  [[nodiscard]] static Scalar stretch_modulus(Scalar shear) noexcept { return shear; }
+
   /// First Piola-Kirchhoff stress, Pa.
   [[nodiscard]] Matrix3<Scalar> stress() const noexcept { return shear_ * deformation_ + pressure_ * cofactor_; }
 

@@ -36,10 +36,11 @@ namespace palpate::deformable {
 /// with the compliance that inertia leaves it by then.
 ///
 /// With relaxation (SolverOptions::relaxation) each step is an implicit step of the overstress to the time of its tips, by the same Newton
-/// step. The local model has the compliance and the residual motion of a further step under the present tips, to the time of its use.
+/// step; with inertia, by the stages of BodyDynamics. The local model has the compliance and the residual motion of a further step under
+/// the present tips, to the time of its use.
 ///
 /// A state with inverted tetrahedra has no meaning, and its tangent may have any compliance. The last local model stays until they have
-/// turned back.
+/// turned back. The same holds for an overstress that compresses a tetrahedron more than the law resists: its potential has no minimum.
 template <template <class> class Material, int lanes>
 class QuasiStaticSolver {
  public:
@@ -75,6 +76,7 @@ class QuasiStaticSolver {
       for (std::size_t i = 0; i < at(model_.free_nodes()); ++i) mass.push_back(options.inertia.density * model_.nodal_volume(i));
       dynamics_ = BodyDynamics(options.inertia, std::move(mass), model_.nodes());
       dynamic_force_.resize(model_.unknowns());
+      elastic_force_.resize(model_.unknowns());
     }
   }
 
@@ -109,13 +111,13 @@ class QuasiStaticSolver {
     std::fill(tips_contact_.ahead().begin(), tips_contact_.ahead().end(), 0.0);
     tips_contact_.update_normals(model_.displacement());
     tips_contact_.linearize(model_.displacement());
-    if (dynamics_.enabled() && is_static_) dynamics_.rest_at(model_.displacement(), model_.gradient());
+    if (dynamics_.enabled() && is_static_) rest();
     if (has_memory() && !is_dynamic()) state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement());
     const bool is_balanced = relative_residual() < max_unbalanced;
     if (!is_dynamic()) model_.begin_step(horizon());
     next_.has_memory = has_memory();
     next_.returnable = state_energy_;
-    if (has_inverted()) {
+    if (has_inverted() || !model_.is_bounded()) {
       current_.inverted = true;
       current_.returnable = next_.returnable;
       ++current_.version;
@@ -152,7 +154,7 @@ class QuasiStaticSolver {
     current_.version = version;
     current_.compliance_matrix.assign(next_.compliance_matrix.size(), 0.0);
     if (!has_memory()) return;
-    if (dynamics_.enabled()) dynamics_.rest_at(model_.displacement(), model_.gradient());
+    if (dynamics_.enabled()) rest();
     look_ahead_ = {};
     state_energy_ = 0.0;
     advanced_to_ = no_tick;
@@ -227,23 +229,32 @@ class QuasiStaticSolver {
     report.newton = model_.step(tips_contact_, options_.newton_tolerance, options_.max_newton_steps);
   }
 
+  /// Set the state of the motion: at rest at the present displacement.
+  void rest() noexcept {
+    model_.elastic_forces(elastic_force_);
+    dynamics_.rest_at(model_.displacement(), elastic_force_.data());
+  }
+
   /// Advance the motion to the clock, and look ahead.
   void advance(const TipPair& tips, Report& report) {
     const double h = elapsed();
     for (int stage = 0; stage < 2 && h > 0.0; ++stage) {
       tips_contact_.set_tips(stage == 0 ? between(advanced_tips_, tips, BodyDynamics::gamma) : tips);
       const BodyDynamics::Coefficients coefficients = dynamics_.begin_stage(stage, h, start_);
-      model_.begin_step(stage == 0 ? BodyDynamics::gamma * h : h, stage == 0 ? start_.data() : nullptr);
+      model_.begin_stage(stage, BodyDynamics::gamma, h, stage == 0 ? start_.data() : nullptr, coefficients.weight);
       minimize(coefficients, dynamic_tolerance, report);
-      dynamics_.end_stage(stage, h, model_.displacement(), model_.gradient());
+      model_.elastic_forces(elastic_force_);
+      dynamics_.end_stage(stage, h, model_.displacement(), elastic_force_.data());
     }
     if (!(h > 0.0)) model_.begin_step(0.0, dynamics_.displacement().data());
     model_.end_step();
     tips_contact_.update_normals(model_.displacement());
     tips_contact_.linearize(model_.displacement());
     state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement()) + dynamics_.kinetic_energy();
-    look_ahead_ = dynamics_.begin_look_ahead(horizon(), tips_contact_.force(), model_.gradient());
-    model_.begin_step(horizon());
+    const double damped = model_.weight() - 1.0;
+    for (std::size_t k = 0; k < elastic_force_.size(); ++k) elastic_force_[k] = model_.gradient()[k] - damped * elastic_force_[k];
+    look_ahead_ = dynamics_.begin_look_ahead(horizon(), tips_contact_.force(), elastic_force_.data());
+    model_.begin_step(horizon(), nullptr, look_ahead_.weight);
     Report ahead;
     minimize(look_ahead_, look_ahead_tolerance, ahead);
     report.newton.indefinite = report.newton.indefinite || ahead.newton.indefinite;
@@ -326,7 +337,7 @@ class QuasiStaticSolver {
   [[nodiscard]] bool has_inverted() const {
     return std::any_of(tetrahedra_.begin(), tetrahedra_.end(), [this](const std::array<std::int32_t, 4>& t) {
       const Vector3<> a = position(t[0]);
-      return (position(t[1]) - a).cross(position(t[2]) - a).dot(position(t[3]) - a) <= 0.0;
+      return !((position(t[1]) - a).cross(position(t[2]) - a).dot(position(t[3]) - a) > 0.0);
     });
   }
 
@@ -474,9 +485,6 @@ class QuasiStaticSolver {
     for (std::size_t k = 0; k < model_.unknowns(); ++k) residual_force_[k] = static_cast<float>(force[k] - model_.gradient()[k]);
     columns_.project(unit_forces_, column_index_, residual_force_, next_.compliance_matrix.data(), LocalModel::capacity,
                      next_.residual_displacement.data());
-    if (is_dynamic() && look_ahead_.stiffness != 1.0)
-      for (std::size_t i = 0; i < count; ++i)
-        for (std::size_t j = 0; j < count; ++j) next_.compliance_matrix[i * LocalModel::capacity + j] /= look_ahead_.stiffness;
     extrapolation_.complete(next_);
     for (std::size_t i = 0; i < count; ++i) {
       double sum = 0.0;
@@ -496,6 +504,7 @@ class QuasiStaticSolver {
   TipPair advanced_tips_;                                 // of the last step
   bool is_static_ = false;
   std::vector<double> start_, dynamic_force_;  // workspaces, m and N
+  std::vector<double> elastic_force_;          // workspace: forces of the body, N
   bool exact_tangent_ = true;                  // false: positive semidefinite tangent in use
   double indefinite_energy_ = 0.0;             // stored energy when the exact tangent was abandoned, J
   TetSurface surface_;

@@ -90,8 +90,8 @@ class SurfaceContact {
   /// Forces at the linearization, N.
   [[nodiscard]] const double* reference() const noexcept { return reference_.data(); }
 
-  /// Add the stiffness of the linearization, times `factor`, N/m.
-  void add_stiffness(BlockMatrix& tangent, double factor = 1.0) const noexcept {
+  /// Add the stiffness of the linearization, N/m.
+  void add_stiffness(BlockMatrix& tangent) const noexcept {
     for (const Pressed& p : pressed_) {
       const auto& vertex = triangles_[p.triangle].vertex;
       const auto& weight = p.weight;
@@ -99,7 +99,7 @@ class SurfaceContact {
         for (std::size_t b = 0; b < 3; ++b) {
           if (vertex[a] > vertex[b] || vertex[b] >= free_ || weight[a] * weight[b] == 0.0) continue;
           float* block = tangent.block(tangent.block_index(vertex[a], vertex[b]));
-          const double k = factor * p.contact.stiffness * weight[a] * weight[b];
+          const double k = p.contact.stiffness * weight[a] * weight[b];
           for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j) block[3 * i + j] += static_cast<float>(k * p.contact.away[i] * p.contact.away[j]);
         }

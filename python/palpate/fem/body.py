@@ -364,11 +364,12 @@ class Body(IndentableBody):
 
         With `instantaneous_ratio` above 1 the material is a standard linear solid at large strain (Simo 1987; Holzapfel
         1996). The law is that of the long term, and small strains creep and relax as in `viscoelastic`. The contact's
-        elastic layer does not relax. `indent` has the relaxed forces.
+        elastic layer does not relax. `indent` has the relaxed forces. With a density as well, small swings decay as in
+        `modal`; `rayleigh_beta` damps by the stiffness of the long term.
 
         Raises:
             BodyError: the law is unknown, `update_interval` is shorter than a tick, or a number is out of range; or
-                the body has damping without a density, or relaxation with one.
+                the body has damping without a density.
         """
         if law not in LAWS:
             raise BodyError(f"a body's law is neo-hookean or corotational, not {law!r}")
@@ -384,11 +385,6 @@ class Body(IndentableBody):
         options |= inertia
         ratio = stiffness_ratio(instantaneous_ratio)
         time = positive(retardation_time, "s", "retardation_time")
-        if ratio > 1.0 and inertia:
-            raise BodyError(
-                "instantaneous_ratio: a hyperelastic body with inertia does not relax; remove density or "
-                "instantaneous_ratio"
-            )
         if ratio > 1.0:
             options |= {"instantaneous_ratio": ratio, "retardation_time": time}
         body = self._with_model("hyperelastic", options, static_friction, dynamic_friction)

@@ -12,6 +12,7 @@ from palpate.fem import Body, ContactHistory, block
 from palpate.fem.elements import Elements
 from palpate.fem.material import Material
 from palpate.fem.selectors import half_space
+from palpate.fem.vibration import _orthonormalize
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
@@ -85,3 +86,31 @@ def test_a_body_with_inertia_stores_no_more_than_the_tip_has_worked(body: Body, 
     if ratio == 1.0:  # undamped: the work is in the body, but for the loss of the ticks
         assert felt.energy[-1] == pytest.approx(work[-1], abs=0.05 * felt.energy.max())
         assert felt.energy[-1] > 0.05 * felt.energy.max()
+
+
+def test_modes_and_residual_vectors_are_orthonormal_where_the_loads_span_all_unknowns() -> None:
+    """A body of few unknowns: more static responses than unknowns, most of them equal to rounding."""
+    body = bodies.build(block((0.02, 0.02, 0.01), 0.01), young=5e3, fixed="z <= 0 mm", order=1, modes=5)
+    frequencies = np.concatenate([body.contents.frequencies, body.contents.residual_frequencies])
+    assert len(frequencies) <= 3 * 9  # unknowns: nine vertices at the top
+    assert np.isfinite(frequencies).all()
+    assert (np.diff(np.sort(frequencies)) > 0.0).all()
+    assert body.contents.residual_frequencies.min() > body.contents.frequencies.max() * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize("small", [1.0, 1e-9])
+def test_vectors_of_rounding_are_no_part_of_an_orthonormal_basis(small: float) -> None:
+    rng = np.random.default_rng(3)
+    mass = sparse.diags(rng.uniform(0.1, 10.0, 30)).tocsr()
+    basis = _orthonormalize(rng.standard_normal((30, 5)), np.empty((30, 0)), mass)
+    own = rng.standard_normal((30, 4))
+    given = np.hstack([own, small * own @ rng.standard_normal((4, 6)), basis[:, :2] + 1e-15 * own[:, :2]])
+    found = _orthonormalize(given, basis, mass)
+    assert found.shape == (30, 4)
+    both = np.hstack([basis, found])
+    np.testing.assert_allclose(both.T @ (mass @ both), np.eye(9), atol=1e-12)
+    rest = own - both @ (both.T @ (mass @ own))
+    assert np.linalg.norm(rest) < 1e-10 * np.linalg.norm(own)
+    everything = _orthonormalize(rng.standard_normal((30, 40)), basis, mass)
+    assert everything.shape == (30, 25)
+    np.testing.assert_allclose(everything.T @ (mass @ everything), np.eye(25), atol=1e-12)

@@ -16,6 +16,7 @@ from palpate.fem.factor import Factor
 from palpate.fem.modes_cost import BLOCK, groups
 
 _TOLERANCE = 1e-6  # on the residual of an eigenvalue, relative
+_ROUNDING = 1e-13  # of products of vectors, relative to the largest one
 
 
 class Modes(NamedTuple):
@@ -119,12 +120,15 @@ def _largest_eigenpairs(
 
 
 def _orthonormalize(block: Array, basis: Array, mass: sparse.csr_matrix) -> Array:
-    """Return an M-orthonormal basis of the part of `block` that is M-orthogonal to `basis`."""
-    scale = np.sqrt(np.einsum("ij,ij->j", block, mass @ block))
+    """Return an M-orthonormal basis of the part of `block` that is M-orthogonal to `basis`.
+
+    Directions that rounding cannot tell from those of the basis or of each other are dropped.
+    """
+    norm = np.sqrt(np.einsum("ij,ij->j", block, mass @ block))
+    block = block / np.maximum(norm, np.finfo(float).tiny)
     for _ in range(2):
         block = block - basis @ (basis.T @ (mass @ block))
         squares, rotation = np.linalg.eigh(block.T @ (mass @ block))
-        kept = squares > (1e-12 * scale.max()) ** 2
+        kept = squares > max(_ROUNDING * squares.max(initial=0.0), 1e-24)
         block = (block @ rotation[:, kept]) / np.sqrt(squares[kept])
-        scale = np.ones(1)
-    return block[:, : mass.shape[0] - basis.shape[1]]
+    return block[:, max(0, basis.shape[1] + block.shape[1] - mass.shape[0]) :]

@@ -143,20 +143,29 @@ def test_a_tool_turned_with_its_body_turns_its_response(block: Path) -> None:
 
 
 def test_the_stiffness_of_a_tool_is_the_derivative_of_the_sum_of_its_forces(block: Path) -> None:
-    path = moved(2e-3)
-    held = HeldTip(Scenario.from_dict(tables(block)), path - path[0])
-    response = body_response(held)
+    """At depths at which differences of two sizes agree: where a point begins to touch, there is no derivative."""
     body = fem.load(block).signed_distance()
-    settled = np.vstack([path, np.tile(path[-1], (20, 1))])
 
-    def force(way: Array) -> Array:
-        tips = body.simulate_tips((np.vstack([settled, np.tile(path[-1] + way, (5, 1))]))[:, None] + TOOL, [RADIUS] * 3)
-        return np.asarray(-sum(tip.force[-1] for tip in tips))
+    def differences(path: Array, step: float) -> Array:
+        settled = np.vstack([path, np.tile(path[-1], (20, 1))])
 
-    step = 2e-6
-    expected = np.column_stack([(force(step * e) - force(-step * e)) / (2.0 * step) for e in np.eye(3)])
-    found = response.frame @ response.static @ response.frame.T
-    np.testing.assert_allclose(found, expected, atol=5e-3 * np.abs(expected).max())
+        def force(way: Array) -> Array:
+            whole = np.vstack([settled, np.tile(path[-1] + way, (5, 1))])
+            tips = body.simulate_tips(whole[:, None] + TOOL, [RADIUS] * 3)
+            return np.asarray(-sum(tip.force[-1] for tip in tips))
+
+        return np.column_stack([(force(step * e) - force(-step * e)) / (2.0 * step) for e in np.eye(3)])
+
+    smooth = 0
+    for deep in (1.8e-3, 1.9e-3, 2e-3, 2.2e-3):
+        path = moved(deep)
+        expected, wider = differences(path, 2e-6), differences(path, 1e-5)
+        if np.abs(wider - expected).max() < 1e-3 * np.abs(expected).max():
+            smooth += 1
+            response = body_response(HeldTip(Scenario.from_dict(tables(block)), path - path[0]))
+            found = response.frame @ response.static @ response.frame.T
+            np.testing.assert_allclose(found, expected, atol=5e-3 * np.abs(expected).max())
+    assert smooth >= 2
 
 
 def test_the_margin_of_a_tool_is_where_its_run_begins_to_oscillate(block: Path) -> None:

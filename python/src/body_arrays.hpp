@@ -79,12 +79,30 @@ inline palpate::deformable::ContactSurface contact_surface(const Points& vertice
 
 inline palpate::deformable::SpringNetworkData network_parts(const Points& positions, const Numbers& masses, const Flags& fixed,
                                                             const IndexRows<2>& springs, const Numbers& stiffness,
+                                                            const Numbers& rest_lengths, const Numbers& damping,
                                                             const IndexRows<4>& tetrahedra, const Numbers& pressure) {
-  const std::size_t count = positions.shape(0);
-  if (masses.shape(0) != count || fixed.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != springs.shape(0))
+  const std::size_t count = positions.shape(0), edges = springs.shape(0);
+  if (masses.shape(0) != count || fixed.shape(0) != count || pressure.shape(0) != count || stiffness.shape(0) != edges ||
+      rest_lengths.shape(0) != edges || damping.shape(0) != edges)
     throw nanobind::value_error("the sizes of the network's arrays do not match");
-  return {points(positions),          numbers(masses),  {fixed.data(), fixed.data() + count}, rows<2>(springs, count), numbers(stiffness),
-          rows<4>(tetrahedra, count), numbers(pressure)};
+  return {points(positions),
+          numbers(masses),
+          {fixed.data(), fixed.data() + count},
+          rows<2>(springs, count),
+          numbers(stiffness),
+          rows<4>(tetrahedra, count),
+          numbers(pressure),
+          numbers(rest_lengths),
+          numbers(damping),
+          {}};
+}
+
+/// Return the law of a network's springs: cubic with a hardening strain, exponential with an exponent, linear with neither.
+inline palpate::deformable::SpringLaw spring_law(double hardening_strain, double exponent, double limit) {
+  using palpate::deformable::SpringLaw;
+  if (hardening_strain > 0.0) return {SpringLaw::Kind::cubic, hardening_strain, limit};
+  if (exponent != 0.0) return {SpringLaw::Kind::exponential, exponent, limit};
+  return {};
 }
 
 inline palpate::deformable::PatchWeights network_patches(const Indices& begin, const Indices& vertices, const Numbers& shares,

@@ -2,6 +2,7 @@
 /// a body through its virtual functions, which are those of this file. Its inline functions are local (-fno-weak), so that none of them
 /// runs on a machine without these registers.
 #include <memory>
+#include <palpate/deformable/linear/spring_kernels.hpp>
 #include <palpate/object/signed_distance_body.hpp>
 #include <palpate/object/supported_body.hpp>
 #include <utility>
@@ -36,6 +37,14 @@ std::unique_ptr<object::BodyWithSupports> make_supported_in_lanes<PALPATE_LANES>
   auto body = std::make_unique<Body>(std::move(nodes), changes, object::SignedDistancePhase::Maker(surface, options));
   if (!body->usable()) return nullptr;
   return body;
+}
+
+template <int lanes>
+const deformable::SpringKernels& spring_kernels_in_lanes() noexcept;
+
+template <>
+const deformable::SpringKernels& spring_kernels_in_lanes<PALPATE_LANES>() noexcept {
+  return deformable::spring_kernels();
 }
 
 }  // namespace palpate::body

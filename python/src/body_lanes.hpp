@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <palpate/deformable/linear/spring_kernels.hpp>
 #include <palpate/math/machine_lanes.hpp>
 #include <palpate/object/signed_distance_body.hpp>
 #include <palpate/object/supported_body.hpp>
@@ -33,6 +34,14 @@ inline std::unique_ptr<object::BodyWithSupports> make_supported_signed_distance(
     std::shared_ptr<const deformable::CondensedSurface>&& nodes, const std::vector<object::BodyWithSupports::Change>& changes,
     const deformable::ContactSurface& surface, const object::SignedDistanceOptions& options, int lanes) {
   return math::with_widest_lanes([&](auto n) { return make_supported_in_lanes<n()>(std::move(nodes), changes, surface, options); }, lanes);
+}
+
+/// Sums of the mass-spring model, compiled in the same way.
+template <int lanes>
+const deformable::SpringKernels& spring_kernels_in_lanes() noexcept;
+
+inline const deformable::SpringKernels& widest_spring_kernels(int lanes) {
+  return math::with_widest_lanes([](auto n) -> const deformable::SpringKernels& { return spring_kernels_in_lanes<n()>(); }, lanes);
 }
 
 }  // namespace palpate::body

@@ -100,20 +100,25 @@ void bind_mass_spring(nb::module_& m) {
       .def(
           "__init__",
           [](BodyCore<MassSpringModel>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& positions,
-             const Numbers& masses, const Flags& fixed, const IndexRows<2>& springs, const Numbers& stiffness,
-             const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin, const Indices& vertices, const Numbers& shares,
-             double period, double alpha, double beta, double mu_static, double mu_dynamic) {
+             const Numbers& masses, const Flags& fixed, const IndexRows<2>& springs, const Numbers& stiffness, const Numbers& rest_lengths,
+             const Numbers& damping, const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin, const Indices& vertices,
+             const Numbers& shares, double period, double alpha, double beta, double hardening_strain, double exponent,
+             double stiffness_limit, double mu_static, double mu_dynamic, int lanes) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of the body's arrays do not match");
             palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
-            MassSpringModel network(nodes, network_parts(positions, masses, fixed, springs, stiffness, tetrahedra, pressure),
-                                    network_patches(begin, vertices, shares, at.shape(0), positions.shape(0)), period, alpha, beta);
+            auto parts = network_parts(positions, masses, fixed, springs, stiffness, rest_lengths, damping, tetrahedra, pressure);
+            parts.law = spring_law(hardening_strain, exponent, stiffness_limit);
+            MassSpringModel network(nodes, std::move(parts), network_patches(begin, vertices, shares, at.shape(0), positions.shape(0)),
+                                    period, alpha, beta, palpate::body::widest_spring_kernels(lanes));
             if (!network.definite()) throw nb::value_error("the masses and volumes of a network must be positive");
             new (self) BodyCore<MassSpringModel>(std::move(nodes), std::move(network), {mu_static, mu_dynamic});
           },
-          "points"_a, "normals"_a, "areas"_a, "positions"_a, "masses"_a, "fixed"_a, "springs"_a, "stiffness"_a, "tetrahedra"_a,
-          "pressure"_a, "patch_begin"_a, "patch_vertices"_a, "patch_weights"_a, "period"_a, "rayleigh_alpha"_a, "rayleigh_beta"_a,
-          "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0)
+          "points"_a, "normals"_a, "areas"_a, "positions"_a, "masses"_a, "fixed"_a, "springs"_a, "stiffness"_a, "rest_lengths"_a,
+          "damping"_a, "tetrahedra"_a, "pressure"_a, "patch_begin"_a, "patch_vertices"_a, "patch_weights"_a, "period"_a, "rayleigh_alpha"_a,
+          "rayleigh_beta"_a, "hardening_strain"_a = 0.0, "exponent"_a = 0.0, "stiffness_limit"_a = 1.0, "static_friction"_a = 0.0,
+          "dynamic_friction"_a = 0.0, "lanes"_a = 0,
+          "`lanes`: width of the registers as for run_cells, 0: the widest; the forces do not depend on it.")
       .def(
           "displacement",
           [](const BodyCore<MassSpringModel>& self) {
@@ -124,13 +129,13 @@ void bind_mass_spring(nb::module_& m) {
       .def(
           "positions",
           [](const BodyCore<MassSpringModel>& self) {
-            return new_points(self.body.positions().size(), [&](std::size_t v) { return self.body.positions()[v]; });
+            return new_points(self.body.vertices(), [&](std::size_t v) { return self.body.position(v); });
           },
           "Return the positions of the vertices (N, 3), m.")
       .def(
           "set_state",
           [](BodyCore<MassSpringModel>& self, const Points& positions, const Points& velocities) {
-            if (positions.shape(0) != self.body.positions().size() || velocities.shape(0) != positions.shape(0))
+            if (positions.shape(0) != self.body.vertices() || velocities.shape(0) != positions.shape(0))
               throw nb::value_error("positions and velocities must have one row for each vertex of the network");
             self.body.set_state(points(positions).data(), points(velocities).data());
           },

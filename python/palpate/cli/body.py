@@ -163,7 +163,11 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
 
     record = body.record.get
     x, y, z = np.ptp(body.points, axis=0).tolist()
-    yield "size", f"{format_size((x, y, z))}, {1e6 * record('volume_m3', 0.0):.4g} cm³"
+    volume = "" if body.is_network else f", {1e6 * record('volume_m3', 0.0):.4g} cm³"
+    yield "size", f"{format_size((x, y, z))}{volume}"
+    if body.is_network:
+        yield from _network_rows(body)
+        return
     young = (body.contents.young if len(body.contents.young) else np.array([record("young_Pa", 0.0)])) / 1e3
     spread = f"{young.min():.4g}" if np.ptp(young) < 1e-6 * young.max() else f"{young.min():.4g} to {young.max():.4g}"
     density = f"{record('density_kg_per_m3', 0.0):g} kg/m³"
@@ -187,3 +191,15 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
     memory, operations = 1e-9 * record("memory_bytes", 0.0), 1e-9 * record("operations", 0.0)
     yield "build", f"{memory:.2g} GB, {operations:.3g} Gflop; {stages}"
     yield "versions", ", ".join(f"{name} {version}" for name, version in record("versions", {}).items())
+
+
+def _network_rows(body: Body) -> Iterator[tuple[str, str]]:
+    """Yield name and text of each property of a body of springs."""
+    contents = body.contents
+    stiffness, total = contents.spring_stiffness, 1e3 * contents.masses.sum()
+    spread = f"{stiffness.min():.4g}" if stiffness.min() == stiffness.max() else f"{stiffness.min():.4g} to {stiffness.max():.4g}"
+    yield "springs", f"{len(stiffness):,}, {spread} N/m"
+    yield "vertices", f"{len(contents.vertices):,}, {total:.4g} g, {int(contents.dirichlet.sum()):,} fixed"
+    if held := body.record.get("held"):
+        yield "held", ", ".join(held)
+    yield "versions", ", ".join(f"{name} {version}" for name, version in body.record.get("versions", {}).items())

@@ -12,6 +12,7 @@ from palpate.fem.model_spec import Law
 from palpate.fem.palpation_phantom import phantom
 from palpate.fem.quasi_static import MultiTipHistory, QuasiStaticSolver, RealtimeRun
 from palpate.fem.selectors import Selector, box, half_space, on_surface, parse_selector, sphere
+from palpate.fem.spring_build import build_springs
 from palpate.fem.support_changes import SupportChange
 from palpate.fem.volume import Volume, block, fill, grid, read_volume
 
@@ -37,6 +38,7 @@ __all__ = [
     "box",
     "build",
     "build_boundary",
+    "build_springs",
     "fill",
     "force_error",
     "grid",

@@ -29,6 +29,7 @@ from palpate.fem.support_changes import SupportChange, SupportPlan
 from palpate.fem.supports import hold
 
 _MAX_MEMORY = 4e9  # bytes of a mass-spring model
+_SPRING_LIMIT = 4.0  # default ratio of the largest stiffness of a nonlinear spring to that at rest
 _CACHED = ("spring_network",)  # properties that depend on the contents only
 
 
@@ -57,6 +58,7 @@ class Body(IndentableBody):
                 self.contents,
                 compliance=(self.compliance / np.float32(times)).astype(np.float32),
                 young=self.contents.young * times,
+                spring_stiffness=self.contents.spring_stiffness * times,
                 frequencies=self.contents.frequencies * np.sqrt(times),
                 residual_frequencies=self.contents.residual_frequencies * np.sqrt(times),
                 record={**self.record, "scaled_stiffness": times * self.record.get("scaled_stiffness", 1.0)},
@@ -75,7 +77,8 @@ class Body(IndentableBody):
         Raises:
             BodyError: a region has another form or contains no contact node, or all contact nodes are held.
         """
-        vertices = self.node_vertices if len(self.contents.tetrahedra) else np.empty(0, dtype=np.int64)
+        meshed = len(self.contents.tetrahedra) > 0 or self.is_network
+        vertices = self.node_vertices if meshed else np.empty(0, dtype=np.int64)
         return self._rebuild(hold(self.contents, regions, vertices), self.kind.friction)
 
     def with_support_changes(
@@ -182,6 +185,8 @@ class Body(IndentableBody):
                 not run at two rates.
         """
         if len(self.contents.frequencies) == 0:
+            if self.is_network:
+                raise BodyError("the body consists of springs, which have no modes here: use mass_spring")
             if self.record.get("held"):
                 raise BodyError("a body with held nodes has no modes: build it with that support and modes=100")
             raise BodyError(
@@ -294,6 +299,9 @@ class Body(IndentableBody):
         rayleigh_alpha: float | str = 0.0,
         rayleigh_beta: float | str = 0.0,
         update_interval: float | str | None = None,
+        hardening_strain: float | str | None = None,
+        exponent: float | str | None = None,
+        stiffness_limit: float | str | None = None,
         static_friction: float | str | None = None,
         dynamic_friction: float | str | None = None,
     ) -> Self:
@@ -304,13 +312,24 @@ class Body(IndentableBody):
         added to it (see docs/theory/deformable-models.md). The tip also moves nodes sideways. At two rates the model
         advances in steps of at most 1 ms and has no friction.
 
+        The force of a spring of stiffness k and rest length l0 at the strain e is k l0 e, unless one of these is given:
+
+        * `hardening_strain` e0: k l0 (e + e^3 / e0^2), twice the linear force at e0.
+        * `exponent` b: k l0 (exp(b e) - 1) / b in tension, and the same in compression (Fung 1967). A positive b
+          hardens, a negative one softens.
+
+        The tangent stiffness is at most `stiffness_limit` times k (default 4), and at least k over it. From there on
+        the force grows linearly. The numerical damping of a hardening law is that of its largest stiffness.
+
         Raises:
-            BodyError: a number is out of range, the model needs more than 4 GB, or a body at two rates has friction.
+            BodyError: a number is out of range, both laws are given, the model needs more than 4 GB, or a body at two
+                rates has friction or nonlinear springs.
         """
         options = {
             "period": tick_period(period),
             "rayleigh_alpha": not_negative(rayleigh_alpha, "1/s", "rayleigh_alpha"),
             "rayleigh_beta": not_negative(rayleigh_beta, "s", "rayleigh_beta"),
+            **_spring_law(hardening_strain, exponent, stiffness_limit),
         }
         size = 4 * len(self.nodes) * len(self.contents.vertices)
         if size > _MAX_MEMORY:
@@ -320,19 +339,22 @@ class Body(IndentableBody):
         update = _update(update_interval, options["period"])
         body = self._with_model("mass_spring", options | update, static_friction, dynamic_friction)
         body.spring_network = self.spring_network
-        numbers = [options["period"], options["rayleigh_alpha"], options["rayleigh_beta"]]
-        arguments: list[Any] = [*self._arrays()[:3], *self._network_arrays().values(), *numbers]
+        arguments: list[Any] = [*self._arrays()[:3], *self._network_arrays().values()]
+        static, dynamic = body.kind.friction
         if update:
-            if body.kind.friction[0] > 0.0:
+            if static > 0.0:
                 raise BodyError(
                     "static_friction: a mass-spring body at two rates has no friction; leave out update_interval or "
                     "the friction"
                 )
-            body.core = _core.MultirateBody.mass_spring(*arguments, *body.update_ticks)
+            if "stiffness_limit" in options:
+                raise BodyError(
+                    "update_interval: its local models have linear springs; leave it out, or the law of the springs"
+                )
+            body.core = _core.MultirateBody.mass_spring(*arguments, *options.values(), *body.update_ticks)
             return body
         body.settling_period, body.ramp_time = options["period"], 0.25
-        arguments += body.kind.friction
-        body.core = _core.MassSpringBody(*arguments)
+        body.core = _core.MassSpringBody(*arguments, **options, static_friction=static, dynamic_friction=dynamic)
         return body
 
     def hyperelastic(
@@ -483,6 +505,31 @@ def _update(update_interval: float | str | None, tick: float, contact: str = "no
             'contact="node_normals"'
         )
     return {"update_interval": period}
+
+
+def _spring_law(
+    hardening_strain: float | str | None, exponent: float | str | None, stiffness_limit: float | str | None
+) -> dict[str, float]:
+    """Return the options of a law of springs, none for linear springs; raise BodyError."""
+    if hardening_strain is None and exponent is None:
+        if stiffness_limit is not None:
+            raise BodyError("stiffness_limit: linear springs have none: give hardening_strain or exponent too")
+        return {}
+    if hardening_strain is not None and exponent is not None:
+        raise BodyError("exponent: a spring has one law: leave out exponent or hardening_strain")
+    limit = number(_SPRING_LIMIT if stiffness_limit is None else stiffness_limit, "", "stiffness_limit")
+    if not 1.0 < limit <= 100.0:
+        raise BodyError(f"stiffness_limit: {limit:g} must be above 1 and at most 100")
+    if hardening_strain is not None:
+        strain = positive(hardening_strain, "", "hardening_strain")
+        if not 1e-3 <= strain <= 1e3:
+            raise BodyError(f"hardening_strain: {strain:g} must be between 0.001 and 1000")
+        return {"hardening_strain": strain, "stiffness_limit": limit}
+    assert exponent is not None
+    rate = number(exponent, "", "exponent")
+    if not 1e-3 <= abs(rate) <= 1e3:
+        raise BodyError(f"exponent: {rate:g} must be between 0.001 and 1000, or the negative of such a number")
+    return {"exponent": rate, "stiffness_limit": limit}
 
 
 def _by_signed_distance(contact: str) -> bool:

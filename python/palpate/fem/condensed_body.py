@@ -20,7 +20,7 @@ from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
 from palpate.fem.errors import BodyError
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
-from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches
+from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches, given_network
 from palpate.fem.storage import BodyData, read, write
 from palpate.fem.support_changes import HELD
 from palpate.fem.volume import Volume
@@ -185,13 +185,20 @@ class CondensedBody:
         whole[self.contents.nodes] = each
         return np.asarray(whole[self._contact_surface[0]])
 
+    @property
+    def is_network(self) -> bool:
+        """Whether the body consists of a user's springs (`build_springs`) and is no solid."""
+        return len(self.contents.springs) > 0
+
     @cached_property
     def volume(self) -> Volume:
         """Tetrahedral mesh from which the body was built.
 
         Raises:
-            BodyError: the body was built by boundary elements.
+            BodyError: the body was built by boundary elements, or consists of springs.
         """
+        if self.is_network:
+            raise BodyError("the body consists of springs, not of a solid: use mass_spring, or build a solid")
         if len(self.contents.tetrahedra) == 0:
             raise BodyError(
                 "the body was built by boundary elements, from its surface alone: build it by finite elements for "
@@ -221,7 +228,9 @@ class CondensedBody:
 
     @cached_property
     def spring_network(self) -> SpringNetwork:
-        """Masses and springs of `mass_spring`. Takes a few seconds for thousands of vertices."""
+        """Masses and springs of `mass_spring`. Takes a few seconds for thousands of vertices of a solid."""
+        if self.is_network:
+            return given_network(self.contents)
         density = self._recorded("density_kg_per_m3")
         return build_network(self.volume, self.contents.young, self._recorded("poisson"), density)
 
@@ -311,6 +320,8 @@ class CondensedBody:
         return arguments
 
     def _recorded(self, key: str) -> float:
+        if self.is_network:
+            raise BodyError("the body consists of springs, not of a solid with an elastic modulus: use mass_spring")
         try:
             return float(self.record[key])
         except (KeyError, TypeError, ValueError):
@@ -323,6 +334,8 @@ class CondensedBody:
 
     def _volume_triangles(self) -> tuple[Indices, Indices]:
         """Return the contact nodes (n,) and the contact triangles (k, 3) as vertices of `volume`."""
+        if self.is_network:
+            return self.contents.nodes, self.triangles[self.contents.contact_triangles]
         on_surface = np.unique(self.volume.surface)
         return on_surface[self.contents.nodes], on_surface[self.triangles[self.contents.contact_triangles]]
 
@@ -348,7 +361,7 @@ class CondensedBody:
 
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         nodes, triangles = self._volume_triangles()
-        return contact_patches(self.volume.points, triangles, nodes)
+        return contact_patches(self.contents.vertices, triangles, nodes)
 
     def _network_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the masses, springs, volumes and patches of the mass-spring model, in the order of the core."""
@@ -360,6 +373,8 @@ class CondensedBody:
             "fixed": np.ascontiguousarray(self.contents.dirichlet),
             "springs": np.ascontiguousarray(network.springs, dtype=np.int32),
             "stiffness": network.stiffness,
+            "rest_lengths": network.rest_lengths,
+            "damping": network.damping,
             "tetrahedra": np.ascontiguousarray(network.tetrahedra, dtype=np.int32),
             "pressure": network.pressure,
             "patch_begin": begin,

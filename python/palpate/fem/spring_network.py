@@ -27,6 +27,7 @@ from scipy.sparse.linalg import cg
 from palpate.arrays import Array, Indices
 from palpate.contact.simplices import area_vectors, equal_neighbors
 from palpate.fem.errors import BodyError
+from palpate.fem.storage import BodyData
 from palpate.fem.volume import Volume
 
 _FACES = ((0, 1, 2, 3), (0, 1, 3, 2), (0, 2, 3, 1), (1, 2, 3, 0))  # three corners, and the opposite one
@@ -35,7 +36,7 @@ _PRIOR = 0.1  # regularization: weight of a spring's initial stiffness relative 
 
 @dataclass(frozen=True, eq=False)
 class SpringNetwork:
-    """Masses, springs and volumes on the N vertices of a mesh."""
+    """Masses, springs and volumes on N vertices; without volumes in a network of springs alone."""
 
     points: Array  # at rest (N, 3), m
     masses: Array  # (N,), kg
@@ -44,16 +45,34 @@ class SpringNetwork:
     tetrahedra: Indices  # (m, 4)
     pressure: Array  # per unit volumetric strain at each vertex (N,), Pa
     misfit: float  # rms error of the stress under uniform strains over the rms stress of the solid
+    rest_lengths: Array  # of the springs (s,), m
+    damping: Array  # of the springs (s,), N s/m
 
     @property
     def matrix(self) -> sparse.csr_matrix:
-        """Tangent stiffness at rest (3N, 3N), N/m, row 3 x vertex + axis."""
+        """Tangent stiffness at `points` (3N, 3N), N/m, row 3 x vertex + axis, of linear springs under their tension."""
         x, (a, b) = self.points, self.springs.T
-        axes = (x[b] - x[a]) / np.linalg.norm(x[b] - x[a], axis=1, keepdims=True)
+        lengths = np.linalg.norm(x[b] - x[a], axis=1)
+        axes = (x[b] - x[a]) / lengths[:, None]
         elongation = _row_matrix(np.stack([a, b], axis=1), np.stack([-axes, axes], axis=1), len(x))
+        tension = self.stiffness * (1.0 - self.rest_lengths / lengths)  # over the length: stiffness across the axis
+        springs = elongation.T @ sparse.diags(self.stiffness - tension) @ elongation
+        springs += sparse.kron(_laplacian(self.springs, tension, len(x)), sparse.eye(3))
+        if len(self.tetrahedra) == 0:
+            return springs.tocsr()
         volume_change, volumes = self._volume_operator()
-        springs = elongation.T @ sparse.diags(self.stiffness) @ elongation
         return (springs + volume_change.T @ sparse.diags(self.pressure / volumes) @ volume_change).tocsr()
+
+    @property
+    def forces(self) -> Array:
+        """Forces of the springs on the vertices at `points` (N, 3), N."""
+        a, b = self.springs.T
+        edges = self.points[b] - self.points[a]
+        tension = self.stiffness * (1.0 - self.rest_lengths / np.linalg.norm(edges, axis=1))
+        total = np.zeros_like(self.points)
+        np.add.at(total, a, tension[:, None] * edges)
+        np.add.at(total, b, -tension[:, None] * edges)
+        return total
 
     def _volume_operator(self) -> tuple[sparse.csr_matrix, Array]:
         """Return the derivative of the volume at each vertex (N, 3N), m^2, and the volume there (N,), m^3."""
@@ -89,7 +108,24 @@ def build_network(volume: Volume, young: Array, poisson: float, density: float) 
     np.add.at(g, cells, gradients * (volumes * shear)[:, None, None])
     stiffness, misfit = _fit(x, springs, vertex_volumes, vertex_shear, g)
     pressure = vertex_shear * (2 * poisson / (1 - 2 * poisson) - 1)
-    return SpringNetwork(x, density * vertex_volumes, springs, stiffness, cells, pressure, misfit)
+    lengths = np.linalg.norm(x[springs[:, 1]] - x[springs[:, 0]], axis=1)
+    masses, undamped = density * vertex_volumes, np.zeros(len(springs))
+    return SpringNetwork(x, masses, springs, stiffness, cells, pressure, misfit, lengths, undamped)
+
+
+def given_network(contents: BodyData) -> SpringNetwork:
+    """Return the network of a body of springs."""
+    return SpringNetwork(
+        contents.vertices,
+        contents.masses,
+        contents.springs,
+        contents.spring_stiffness,
+        np.empty((0, 4), dtype=np.int64),
+        np.zeros(len(contents.vertices)),
+        0.0,
+        contents.rest_lengths,
+        contents.spring_damping,
+    )
 
 
 def contact_patches(
@@ -144,6 +180,13 @@ def _row_matrix(vertices: Indices, values: Array, count: int) -> sparse.csr_matr
     columns = 3 * vertices[:, :, None] + np.arange(3)
     rows = np.repeat(np.arange(len(vertices)), columns[0].size)
     return sparse.csr_matrix((values.ravel(), (rows, columns.ravel())), shape=(len(vertices), 3 * count))
+
+
+def _laplacian(springs: Indices, weights: Array, count: int) -> sparse.csr_matrix:
+    """Return the graph Laplacian (N, N) of springs (s, 2) with weights (s,)."""
+    a, b = springs.T
+    rows, columns = np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])
+    return sparse.csr_matrix((np.concatenate([weights, weights, -weights, -weights]), (rows, columns)), (count, count))
 
 
 def _fit(x: Array, springs: Indices, volumes: Array, shear: Array, g: Array) -> tuple[Array, float]:

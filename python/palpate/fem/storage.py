@@ -21,6 +21,7 @@ from palpate.files.json_text import load_table
 
 _FORMAT: Final = "palpate body"
 VERSION: Final = 5
+SPRINGS: Final = "springs"  # method of a body of springs, in its record
 _UNITS: Final = {
     "points": "m",
     "areas": "m^2",
@@ -30,6 +31,10 @@ _UNITS: Final = {
     "residual_frequencies": "rad/s",
     "vertices": "m",
     "young": "Pa",
+    "masses": "kg",
+    "spring_stiffness": "N/m",
+    "rest_lengths": "m",
+    "spring_damping": "N s/m",
 }
 # array: (kinds of its type, dimensions)
 _ARRAYS: Final = {
@@ -48,6 +53,13 @@ _ARRAYS: Final = {
     "tetrahedra": ("iu", 2),
     "young": ("f", 1),
     "dirichlet": ("b", 1),
+}
+_SPRINGS: Final = {  # arrays of a body of springs
+    "masses": ("f", 1),
+    "springs": ("iu", 2),
+    "spring_stiffness": ("f", 1),
+    "rest_lengths": ("f", 1),
+    "spring_damping": ("f", 1),
 }
 _NUMBER: Final = (int, float)
 _RECORD: Final[dict[str, tuple[Any, Any]]] = {  # entry: (its type, type of its own entries)
@@ -70,6 +82,10 @@ _RANGES: Final = {
     "compliance": (-1e6, 1e6),
     "shapes": (-1e12, 1e12),
     "residual_shapes": (-1e12, 1e12),
+    "masses": (1e-15, 1e9),
+    "spring_stiffness": (1e-9, 1e15),
+    "rest_lengths": (1e-9, 1e4),
+    "spring_damping": (0.0, 1e15),
 }
 
 
@@ -93,6 +109,11 @@ class BodyData:
     record: Mapping[str, Any]  # inputs, sizes, times and versions of the build
     residual_frequencies: Array = field(default_factory=lambda: np.empty(0))  # of `vibration.modes` (r,), rad/s
     residual_shapes: Single = field(default_factory=lambda: np.empty((0, 0), dtype=np.float32))  # (3n, r), 1/sqrt(kg)
+    masses: Array = field(default_factory=lambda: np.empty(0))  # of a body of springs, of the vertices (v,), kg
+    springs: Indices = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))  # end vertices (k, 2)
+    spring_stiffness: Array = field(default_factory=lambda: np.empty(0))  # (k,), N/m
+    rest_lengths: Array = field(default_factory=lambda: np.empty(0))  # (k,), m
+    spring_damping: Array = field(default_factory=lambda: np.empty(0))  # (k,), N s/m
 
 
 def check_target(path: str | Path) -> None:
@@ -111,7 +132,8 @@ def check_target(path: str | Path) -> None:
 def write(contents: BodyData, path: str | Path) -> Path:
     """Write a body to `path` (.h5) atomically. Raise as `check_target`."""
     check_target(path)
-    arrays = {entry.name: getattr(contents, entry.name) for entry in fields(contents) if entry.name != "record"}
+    unused = {"record"} if len(contents.springs) else {"record", *_SPRINGS}
+    arrays = {entry.name: getattr(contents, entry.name) for entry in fields(contents) if entry.name not in unused}
 
     def fill(store: Any) -> None:
         store.attrs["format"] = _FORMAT
@@ -138,7 +160,8 @@ def read(path: str | Path) -> BodyData:
                 "build it again"
             )
         record = load_table(store.text_attribute("record"), BodyError, f"{file}: record")
-        arrays = {name: store.array(name, kinds, ndim) for name, (kinds, ndim) in _ARRAYS.items()}
+        known = _ARRAYS | (_SPRINGS if record.get("method") == SPRINGS else {})
+        arrays = {name: store.array(name, kinds, ndim) for name, (kinds, ndim) in known.items()}
     _check_record(record, file)
     contents = BodyData(**arrays, record=record)
     _check(contents, file)
@@ -186,8 +209,12 @@ def _check(c: BodyData, file: Path) -> None:
         and c.residual_shapes.dtype == np.float32
         and c.tetrahedra.shape == (len(c.young), 4)
         and c.vertices.shape == (len(c.dirichlet), 3)
+        and c.springs.shape == (len(c.spring_stiffness), 2)
+        and c.rest_lengths.shape == c.spring_damping.shape == c.spring_stiffness.shape
+        and len(c.masses) == (len(c.vertices) if len(c.springs) else 0)
+        and (len(c.springs) == 0 or s == len(c.vertices))
     )
-    solid = len(c.tetrahedra) > 0 or c.record.get("method") == "boundary elements"
+    solid = len(c.tetrahedra) > 0 or len(c.springs) > 0 or c.record.get("method") == "boundary elements"
     if not shapes or n == 0 or not solid:
         raise BodyError(f"{file}: the shapes of its arrays do not match; build the body again")
     indices = np.concatenate([c.triangles.ravel(), c.nodes])
@@ -196,7 +223,7 @@ def _check(c: BodyData, file: Path) -> None:
         array.size == 0 or (array.min() >= low and array.max() <= high)
         for array, (low, high) in ((getattr(c, name), limits) for name, limits in _RANGES.items())
     )
-    corners = np.append(c.tetrahedra.ravel(), 0)
+    corners = np.concatenate([c.tetrahedra.ravel(), c.springs.ravel(), [0]])
     in_range = indices.min() >= 0 and indices.max() < s and corners.min() >= 0 and corners.max() < len(c.vertices)
     positive = (np.diag(c.compliance) > 1e-15).all()
     outward = np.abs(np.linalg.norm(c.normals, axis=1) - 1.0).max() < 1e-6 if finite else False

@@ -53,6 +53,11 @@ _FRICTION: Final = {"static_friction": Option(""), "dynamic_friction": Option(""
 _DAMPING: Final = {"rayleigh_alpha": Option("1/s"), "rayleigh_beta": Option("s")}
 _CREEP: Final = {"instantaneous_ratio": Option("", _RATIO), "retardation_time": Option("s", POSITIVE)}
 _UPDATE: Final = {"update_interval": Option("s", POSITIVE)}
+_SPRINGS: Final = {
+    "hardening_strain": Option("", POSITIVE),
+    "exponent": Option("", must(lambda value: value != 0.0, "must not be zero")),
+    "stiffness_limit": Option("", must(lambda value: 1.0 < value <= 100.0, "must be above 1 and at most 100")),
+}
 _SLOW: Final = {
     **_UPDATE,
     "nodes_per_tip": Option("", _COUNT),
@@ -66,7 +71,7 @@ KINDS: Final[dict[str, dict[str, Option]]] = {
     "compliance": {**_UPDATE, **_FRICTION},
     "signed_distance": {"sideways_fraction": Option(""), **_UPDATE, **_FRICTION},
     "modal": {**_DAMPING, **_CREEP, **_UPDATE, **_FRICTION},
-    "mass_spring": {**_DAMPING, **_UPDATE, **_FRICTION},
+    "mass_spring": {**_DAMPING, **_SPRINGS, **_UPDATE, **_FRICTION},
     "viscoelastic": {**{key: option._replace(needed=True) for key, option in _CREEP.items()}, **_UPDATE, **_FRICTION},
     "neo-hookean": _SLOW,
     "corotational": _SLOW,

@@ -157,6 +157,19 @@ template <class Model, class Make>
   return out;
 }
 
+/// Return the law of springs: cubic with "hardening_strain", exponential with "exponent", linear with neither.
+[[nodiscard]] inline deformable::SpringLaw read_spring_law(const Section& from) {
+  using Kind = deformable::SpringLaw::Kind;
+  const bool cubic = from.has("hardening_strain"), exponential = from.has("exponent");
+  if (!cubic && !exponential) return {};
+  const double limit = from.number("stiffness_limit", 1.0, 100.0);
+  if (cubic && exponential) from.fail("exponent", "does not go with hardening_strain");
+  if (cubic) return {Kind::cubic, from.number("hardening_strain", 1e-3, 1e3), limit};
+  const double exponent = from.number("exponent", -1e3, 1e3);
+  if (!(std::abs(exponent) >= 1e-3)) from.fail("exponent", "must not be zero");
+  return {Kind::exponential, exponent, limit};
+}
+
 [[nodiscard]] inline deformable::SpringNetworkData read_network(const Section& from) {
   deformable::SpringNetworkData out;
   out.rest_positions = from.points("positions");
@@ -168,6 +181,14 @@ template <class Model, class Make>
   out.stiffness = from.blob<double>("stiffness", static_cast<std::int64_t>(out.springs.size()), 1);
   out.tetrahedra = read_indices<4>(from, "tetrahedra", count);
   out.pressure = from.blob<double>("pressure", vertices, 1);
+  const auto springs = static_cast<std::int64_t>(out.springs.size());
+  if (from.has("rest_lengths")) out.rest_lengths = from.blob<double>("rest_lengths", springs, 1);
+  if (from.has("damping")) out.damping = from.blob<double>("damping", springs, 1);
+  const auto not_positive = [](double length) { return !(length > 0.0); };
+  const auto negative = [](double damper) { return !(damper >= 0.0); };
+  if (std::any_of(out.rest_lengths.begin(), out.rest_lengths.end(), not_positive)) from.fail("rest_lengths", "must be positive");
+  if (std::any_of(out.damping.begin(), out.damping.end(), negative)) from.fail("damping", "must not be negative");
+  out.law = read_spring_law(from);
   return out;
 }
 
@@ -372,6 +393,8 @@ template <class Phase>
     const double alpha = from.number("rayleigh_alpha", 0.0, 1e9), beta = from.number("rayleigh_beta", 0.0, 1e9);
     deformable::SpringNetworkData network = read_network(from);
     deformable::PatchWeights patches = read_patches(reader, from, count, network.rest_positions.size());
+    if (from.has("update_interval") && network.law.kind != deformable::SpringLaw::Kind::linear)
+      from.fail("update_interval", "does not go with nonlinear springs");
     if (4e-9 * static_cast<double>(count) * static_cast<double>(network.rest_positions.size()) > 4.0)
       from.fail("positions", "and nodes are too many: the model would take more than 4 GB");
     if (!reader.ok()) return nullptr;

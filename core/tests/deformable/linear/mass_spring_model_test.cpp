@@ -11,6 +11,14 @@
 
 namespace {
 
+using palpate::deformable::padded;
+using palpate::deformable::PaddedVector;
+using palpate::deformable::SpringLaw;
+using palpate::deformable::SpringNetwork;
+using palpate::deformable::SpringNetworkData;
+using palpate::deformable::vector;
+using palpate::math::Vector3;
+
 TEST(SupernodalCholesky, SolvesAsDenseAlgebraDoes) {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
@@ -31,49 +39,141 @@ TEST(SupernodalCholesky, SolvesAsDenseAlgebraDoes) {
   ASSERT_TRUE(factor.positive_definite());
   Eigen::MatrixXd sides(size, 3);
   for (double& s : sides.reshaped()) s = normal(random);
-  std::vector<palpate::math::Vector3<>> x;
-  x.reserve(size);
-  for (int i = 0; i < size; ++i) x.emplace_back(sides.row(i));
-  factor.solve(x.data());
   const Eigen::MatrixXd expected = linear_solve(Eigen::MatrixXd(matrix), sides);
-  for (int i = 0; i < size; ++i) EXPECT_LT((x[static_cast<std::size_t>(i)] - expected.row(i).transpose()).norm(), 1e-12);
+  for (const double scale : {1.0, 1e-200, 1e200}) {  // single precision, but neither its underflow nor its overflow
+    std::vector<PaddedVector> x;
+    for (int i = 0; i < size; ++i) x.push_back(padded(scale * sides.row(i).transpose()));
+    factor.solve(x.data());
+    for (int i = 0; i < size; ++i)
+      EXPECT_LT((vector(x[static_cast<std::size_t>(i)]) / scale - expected.row(i).transpose()).norm(), 3e-6 * expected.norm());
+  }
   matrix.coeffRef(3, 3) = -1.0;
   EXPECT_FALSE(palpate::math::SupernodalCholesky(matrix).positive_definite());
 }
 
+const std::vector<SpringLaw> laws = {
+    {}, {SpringLaw::Kind::cubic, 0.1, 4.0}, {SpringLaw::Kind::exponential, 8.0, 4.0}, {SpringLaw::Kind::exponential, -8.0, 4.0}};
+
+/// Energy of a network at `x`, and its forces without dampers.
+double forces_at(SpringNetwork& network, const std::vector<Vector3<>>& x, std::vector<Vector3<>>& force) {
+  std::vector<PaddedVector> at, still(x.size(), PaddedVector(0.0)), out(x.size());
+  for (const Vector3<>& p : x) at.push_back(padded(p));
+  const double energy = network.accumulate_forces(at.data(), still.data(), out.data());
+  for (std::size_t v = 0; v < x.size(); ++v) force[v] = vector(out[v]);
+  return energy;
+}
+
 // Central differences of the energy along random directions, at large deformation.
 TEST(SpringNetwork, ForceIsTheGradientOfItsEnergy) {
-  const Cube cube(2);
-  palpate::deformable::SpringNetwork network(cube.data);
-  std::mt19937 random(2);
-  std::normal_distribution<double> normal(0.0, 1e-3);
-  std::vector<palpate::math::Vector3<>> x = cube.data.rest_positions, along(x.size()), force(x.size()), other(x.size());
-  for (palpate::math::Vector3<>& p : x) p += palpate::math::Vector3<>(normal(random), normal(random), normal(random));
-  for (palpate::math::Vector3<>& a : along) a = {normal(random), normal(random), normal(random)};
-  const auto energy = [&](double s) {
-    std::vector<palpate::math::Vector3<>> there = x;
-    for (std::size_t v = 0; v < x.size(); ++v) there[v] += s * along[v];
-    return network.accumulate_forces(there.data(), other.data());
+  for (const SpringLaw& law : laws) {
+    Cube cube(2);
+    cube.data.law = law;
+    SpringNetwork network(cube.data);
+    std::mt19937 random(2);
+    std::normal_distribution<double> normal(0.0, 1e-3);
+    std::vector<Vector3<>> x = cube.data.rest_positions, along(x.size()), force(x.size()), other(x.size());
+    for (Vector3<>& p : x) p += Vector3<>(normal(random), normal(random), normal(random));
+    for (Vector3<>& a : along) a = {normal(random), normal(random), normal(random)};
+    const auto energy = [&](double s) {
+      std::vector<Vector3<>> there = x;
+      for (std::size_t v = 0; v < x.size(); ++v) there[v] += s * along[v];
+      return forces_at(network, there, other);
+    };
+    forces_at(network, x, force);
+    double expected = 0.0;
+    for (std::size_t v = 0; v < x.size(); ++v) expected -= force[v].dot(along[v]);
+    EXPECT_NEAR((energy(1e-4) - energy(-1e-4)) / 2e-4, expected, 1e-6 * std::abs(expected));
+  }
+}
+
+/// Two vertices with a spring of 30 N/m and 10 mm.
+SpringNetworkData one_spring(const SpringLaw& law) {
+  SpringNetworkData data;
+  data.rest_positions = {{0, 0, 0}, {0, 0, 0.01}};
+  data.masses = {1e-3, 1e-3};
+  data.fixed = {1, 0};
+  data.springs = {{0, 1}};
+  data.stiffness = {30.0};
+  data.pressure = {0.0, 0.0};
+  data.law = law;
+  return data;
+}
+
+// Force of a spring against the formula of its law, and against a line where the tangent stiffness has reached its limit.
+TEST(SpringLaw, ForceIsThatOfTheFormula) {
+  const auto formula = [](const SpringLaw& law, double e) {
+    const double b = law.parameter;
+    return law.kind == SpringLaw::Kind::cubic ? e + e * e * e / (b * b) : std::expm1(b * e) / b;
   };
-  network.accumulate_forces(x.data(), force.data());
-  double expected = 0.0;
-  for (std::size_t v = 0; v < x.size(); ++v) expected -= force[v].dot(along[v]);
-  EXPECT_NEAR((energy(1e-4) - energy(-1e-4)) / 2e-4, expected, 1e-7 * std::abs(expected));
+  const auto tangent = [](const SpringLaw& law, double e) {
+    const double b = law.parameter;
+    return law.kind == SpringLaw::Kind::cubic ? 1.0 + 3.0 * e * e / (b * b) : std::exp(b * e);
+  };
+  for (const double limit : {2.0, 100.0})
+    for (const SpringLaw& law : std::vector<SpringLaw>{{SpringLaw::Kind::cubic, 0.1, limit},
+                                                       {SpringLaw::Kind::exponential, 8.0, limit},
+                                                       {SpringLaw::Kind::exponential, -8.0, limit}}) {
+      SpringNetwork network(one_spring(law));
+      const double least = std::min(1.0, tangent(law, 1e9) < 1.0 ? 1.0 / limit : 1.0);
+      for (const double e : {1e-9, 1e-4, 0.03, 0.08, 0.3, 0.9})
+        for (const double sign : {1.0, -1.0}) {
+          double knee = 0.0;  // the strain where the tangent reaches its limit, by bisection
+          for (double low = 0.0, high = e, k = 0; k < 100; ++k) {
+            knee = 0.5 * (low + high);
+            (tangent(law, knee) > limit || tangent(law, knee) < least / 1.0 ? high : low) = knee;
+          }
+          std::vector<Vector3<>> x = {{0, 0, 0}, {0, 0, 0.01 * (1.0 + sign * e)}}, force(2);
+          forces_at(network, x, force);
+          const double slope = law.parameter < 0.0 ? 1.0 / limit : limit;
+          const double expected = formula(law, knee) + slope * (e - knee);
+          EXPECT_NEAR(-sign * force[1][2], 30.0 * 0.01 * expected, 1e-7 * 30.0 * 0.01 * expected) << limit << ' ' << e;
+        }
+    }
+}
+
+// At any deformation: no displacement stores more energy than the bound allows, so no tick of any length creates some.
+TEST(SpringNetwork, EnergyOfNonlinearSpringsIsBelowTheBoundAtAnyDeformation) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (const SpringLaw& law : laws) {
+    Cube cube(2);
+    cube.data.tetrahedra.clear();
+    cube.data.law = law;
+    SpringNetwork network(cube.data);
+    const Eigen::MatrixXd bound = network.stiffness_bound();
+    std::vector<Vector3<>> x(cube.data.rest_positions.size()), force(x.size()), ignored(x.size());
+    for (int trial = 0; trial < 200; ++trial) {
+      const double spread = std::pow(10.0, -4.0 + 3.0 * trial / 200.0), move = std::pow(10.0, -6.0 + 5.0 * (trial % 20) / 20.0);
+      Eigen::MatrixX3d d(static_cast<Eigen::Index>(x.size()), 3);
+      for (std::size_t v = 0; v < x.size(); ++v)
+        x[v] = cube.data.rest_positions[v] + spread * Vector3<>(normal(random), normal(random), normal(random));
+      const double before = forces_at(network, x, force);
+      double work = 0.0;
+      for (std::size_t v = 0; v < x.size(); ++v) {
+        const Vector3<> step = move * Vector3<>(normal(random), normal(random), normal(random));
+        d.row(static_cast<Eigen::Index>(v)) = step;
+        x[v] += step;
+        work += force[v].dot(step);
+      }
+      const double after = forces_at(network, x, ignored), allowed = 0.5 * (d.transpose() * bound * d).trace();
+      EXPECT_LE(after, before - work + allowed + 1e-12 * before);
+    }
+  }
 }
 
 // Near rest no displacement stores more energy than the bound.
 TEST(SpringNetwork, StiffnessIsBelowItsBound) {
   const Cube cube(2, false);
-  palpate::deformable::SpringNetwork network(cube.data);
+  SpringNetwork network(cube.data);
   const Eigen::MatrixXd bound = network.stiffness_bound();
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
-  std::vector<palpate::math::Vector3<>> x(cube.data.rest_positions.size()), force(x.size());
+  std::vector<Vector3<>> x(cube.data.rest_positions.size()), force(x.size());
   for (int trial = 0; trial < 200; ++trial) {
     Eigen::MatrixX3d u(static_cast<Eigen::Index>(x.size()), 3);
     for (double& s : u.reshaped()) s = 1e-7 * normal(random);
     for (std::size_t v = 0; v < x.size(); ++v) x[v] = cube.data.rest_positions[v] + u.row(static_cast<Eigen::Index>(v)).transpose();
-    EXPECT_LT(network.accumulate_forces(x.data(), force.data()), 0.5 * (u.transpose() * bound * u).trace());
+    EXPECT_LT(forces_at(network, x, force), 0.5 * (u.transpose() * bound * u).trace());
   }
 }
 
@@ -81,25 +181,26 @@ TEST(SpringNetwork, StiffnessIsBelowItsBound) {
 TEST(MassSpringModel, FreeBodyKeepsItsVelocity) {
   const Cube cube(1, false);
   auto mass_spring = cube.model(1e-3, 0.0, 5e-3);
-  const palpate::math::Vector3<> speed(0.3, -0.2, 0.5);
-  const std::vector<palpate::math::Vector3<>> speeds(cube.data.rest_positions.size(), speed);
+  const Vector3<> speed(0.3, -0.2, 0.5);
+  const std::vector<Vector3<>> speeds(cube.data.rest_positions.size(), speed);
   mass_spring.set_state(cube.data.rest_positions.data(), speeds.data());
   for (int k = 0; k < 1000; ++k) mass_spring.advance(nullptr, nullptr, 0);
-  for (std::size_t v = 0; v < speeds.size(); ++v)
-    EXPECT_LT((mass_spring.positions()[v] - cube.data.rest_positions[v] - speed).norm(), 1e-9);
+  for (std::size_t v = 0; v < speeds.size(); ++v) EXPECT_LT((mass_spring.position(v) - cube.data.rest_positions[v] - speed).norm(), 1e-9);
 }
 
 // After an initial velocity the energy never increases, for any period, stiffness and velocity.
 TEST(MassSpringModel, EnergyOfAFreeMotionNeverIncreases) {
   std::mt19937 random(4);
   std::normal_distribution<double> normal;
+  std::size_t draw = 0;
   for (const double period : {1e-4, 1e-3, 2e-2})
     for (const double stiffness : {1.0, 1e4})
       for (const double kick : {0.1, 30.0}) {
-        const Cube cube(2, true, 5e-3, stiffness);
+        Cube cube(2, true, 5e-3, stiffness);
+        cube.data.law = laws[draw++ % laws.size()];
         auto mass_spring = cube.model(period);
-        std::vector<palpate::math::Vector3<>> speeds(cube.data.rest_positions.size());
-        for (palpate::math::Vector3<>& s : speeds) s = kick * palpate::math::Vector3<>(normal(random), normal(random), normal(random));
+        std::vector<Vector3<>> speeds(cube.data.rest_positions.size());
+        for (Vector3<>& s : speeds) s = kick * Vector3<>(normal(random), normal(random), normal(random));
         mass_spring.set_state(cube.data.rest_positions.data(), speeds.data());
         double had = mass_spring.energy();
         const double first = had;
@@ -110,6 +211,47 @@ TEST(MassSpringModel, EnergyOfAFreeMotionNeverIncreases) {
         }
         EXPECT_LT(had, 0.9 * first);
       }
+}
+
+// A mass on a spring of each law against its equation of motion, solved in small steps; the numerical damping is h r / 2.
+TEST(MassSpringModel, MassOnANonlinearSpringMovesAsItsEquationOfMotion) {
+  const palpate::deformable::SurfaceNodes nodes({{0, 0, 0.01}}, {{0, 0, 1}}, {1e-4});
+  const palpate::deformable::PatchWeights patches{{0, 1}, {1}, {1.0}};
+  const double period = 1e-6, mass = 1e-3, k = 30.0, length = 0.01;
+  for (const SpringLaw& law : laws) {
+    palpate::deformable::MassSpringModel model(nodes, one_spring(law), patches, period, 0.0, 0.0);
+    const std::vector<Vector3<>> start = {{0, 0, 0}, {0, 0, 0.01}}, speed = {{0, 0, 0}, {0, 0, 0.3}};
+    model.set_state(start.data(), speed.data());
+    SpringNetwork network(one_spring(law));
+    double x = length, v = 0.3;
+    std::vector<Vector3<>> at = start, force(2);
+    const double damper = 0.5 * period * law.stiffness_bound() * k;
+    for (int tick = 0; tick < 30000; ++tick) {
+      model.advance(nullptr, nullptr, 0);
+      at[1][2] = x;
+      forces_at(network, at, force);
+      v += period * (force[1][2] - damper * v) / mass;  // symplectic Euler: of second order for the mean of the speeds
+      x += period * v;
+    }
+    EXPECT_NEAR(model.position(1)[2], x, 2e-3 * length);
+  }
+}
+
+// A node that is pressed for long: the force is that of the law, whatever the period.
+TEST(MassSpringModel, HeldForceGivesTheStretchOfTheLaw) {
+  const palpate::deformable::SurfaceNodes nodes({{0, 0, 0.01}}, {{0, 0, 1}}, {1e-4});
+  const palpate::deformable::PatchWeights patches{{0, 1}, {1}, {1.0}};
+  for (const SpringLaw& law : laws)
+    for (const double period : {1e-4, 1e-3}) {
+      palpate::deformable::MassSpringModel model(nodes, one_spring(law), patches, period, 50.0, 0.0);
+      const double force = 0.1;
+      const std::int32_t node = 0;
+      for (int tick = 0; tick < static_cast<int>(3.0 / period); ++tick) model.advance(&node, &force, 1);
+      SpringNetwork network(one_spring(law));
+      std::vector<Vector3<>> forces(2);
+      forces_at(network, {model.position(0), model.position(1)}, forces);
+      EXPECT_NEAR(forces[1][2], force, 1e-9 * force);
+    }
 }
 
 }  // namespace

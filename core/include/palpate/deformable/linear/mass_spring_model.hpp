@@ -2,13 +2,16 @@
 
 #include <Eigen/SparseCore>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
 #include <vector>
 
+#include "palpate/deformable/contact/contact_lcp.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
+#include "palpate/deformable/linear/spring_kernels.hpp"
 #include "palpate/deformable/linear/spring_network.hpp"
 #include "palpate/math/supernodal_cholesky.hpp"
 #include "palpate/math/vector.hpp"
@@ -22,24 +25,31 @@ struct PatchWeights {
   std::vector<double> weights;
 };
 
-/// Masses, springs and dampers on the vertices of a mesh. One period h moves the vertices by d,
-///   (M / h^2 + a M / h + b L' / h + L / 2) d = M v / h + F(x) + f,   x + d -> x,   d / h -> v,
-/// with the nonlinear network forces F, Rayleigh damping a (mass) and b (springs L'), and a constant upper bound L of the network's
-/// stiffness. L is the same along each axis, so the matrix is factorized once.
+/// Masses, springs and dampers on vertices. One period h moves the vertices by d,
+///   (M / h^2 + a M / h + D / h) d = M v / h + F(x) + f,   D = b L' + C + h L / 2,   x + d -> x,   d / h -> v,
+/// with the nonlinear network forces F, Rayleigh damping a (mass) and b (springs L'), the springs' own dampers C, and a constant upper
+/// bound L of the network's stiffness. D is the same along each axis, so the matrix is factorized once.
 ///
 /// From W(x + d) <= W(x) - F.d + d.L d / 2 follows for the total energy E, at any period and stiffness,
 ///   E(after) <= E(before) + f.d.
-/// Volume terms under large strain may be stiffer than L. Each step is checked; a step that violates the inequality is shortened, or its
-/// velocity reduced. The cost is numerical damping: L / 2 acts as a damper of L h / 2.
+/// Springs satisfy this at any deformation: the tangent stiffness of their law is limited. Volume terms under large strain may be stiffer
+/// than L. Each step is checked; a step that violates the inequality is shortened, or its velocity reduced. The cost is numerical damping:
+/// L / 2 acts as a damper of L h / 2.
+///
+/// The factor is applied in single precision, so the solution is the change of the step from that of the last period,
+///   d = h v + (M / h^2 + a M / h + D / h)^-1 (F(x) + f' - a M v - D v) + R (f - f'),
+/// with the forces f' of the last period and the response R to a change. A rounding error of 1e-6 of an unbalanced force r adds less than
+/// 1e-12 r.L^-1 r to the energy.
 class MassSpringModel {
  public:
   static constexpr double max_step = 2e-3;  ///< longest period of a look-ahead at two rates, s (LinearBodySolver)
 
   MassSpringModel() = default;
 
-  /// `period` [s]; mass damping `alpha` [1/s] and stiffness damping `beta` [s] (of shear).
-  MassSpringModel(const SurfaceNodes& nodes, SpringNetworkData data, PatchWeights patches, double period, double alpha, double beta)
-      : network_(std::move(data)), patches_(std::move(patches)), period_(period) {
+  /// `period` [s]; mass damping `alpha` [1/s] and stiffness damping `beta` [s] (of shear). `kernels` of this program by default.
+  MassSpringModel(const SurfaceNodes& nodes, SpringNetworkData data, PatchWeights patches, double period, double alpha, double beta,
+                  const SpringKernels& kernels = spring_kernels())
+      : kernels_(&kernels), network_(std::move(data)), patches_(std::move(patches)), period_(period), alpha_(alpha) {
     const SpringNetworkData& p = network_.data();
     const std::size_t count = p.rest_positions.size();
     free_index_.assign(count, -1);
@@ -48,17 +58,21 @@ class MassSpringModel {
         free_index_[v] = static_cast<std::int32_t>(free_vertices_.size());
         free_vertices_.push_back(static_cast<std::int32_t>(v));
       }
-    position_ = p.rest_positions;
-    force_.assign(count, Vector3<>::Zero());
-    step_.assign(free_vertices_.size(), Vector3<>::Zero());
-    free_step_ = velocity_ = step_;
-    factorize(alpha, beta);
+    position_.assign(count, PaddedVector(0.0));
+    force_ = velocity_ = position_;
+    step_.assign(free_vertices_.size(), PaddedVector(0.0));
+    free_step_ = step_;
+    // In an isotropic solid the springs hold a vertex five times as stiffly as its shear does.
+    network_.set_damping(period_, 0.2 * beta);
+    const Eigen::SparseMatrix<double> system = system_matrix();
+    factor_ = SupernodalCholesky(system);
     if (!factor_.positive_definite()) return;
-    compute_response(nodes);
+    compute_response(nodes, system);
     for (std::int32_t i = 0; i < nodes.size(); ++i) {
       inward_normals_.push_back(-nodes.normal(i));
       tangent_bases_.push_back(nodes.tangent_basis(i));
     }
+    force_change_.assign(inward_normals_.size(), Vector3<>::Zero());
     reset();
   }
 
@@ -70,9 +84,7 @@ class MassSpringModel {
            inward_normals_[index(i)].dot(inward_normals_[index(j)]);
   }
 
-  [[nodiscard]] double free_displacement(std::int32_t i) const noexcept {
-    return inward_normals_[index(i)].dot(patch_displacement(i, free_step_));
-  }
+  [[nodiscard]] double free_displacement(std::int32_t i) const noexcept { return inward_normals_[index(i)].dot(patch_displacement(i)); }
 
   [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept {
     return static_cast<double>(compliance_[index(i) * inward_normals_.size() + index(j)]) * tangent_bases_[index(i)].transpose() *
@@ -80,28 +92,32 @@ class MassSpringModel {
   }
 
   [[nodiscard]] Eigen::Vector2d free_tangential_displacement(std::int32_t i) const noexcept {
-    return tangent_bases_[index(i)].transpose() * patch_displacement(i, free_step_);
+    return tangent_bases_[index(i)].transpose() * patch_displacement(i);
   }
 
   void advance(const std::int32_t* nodes, const double* forces, int count) noexcept { advance(nodes, forces, nullptr, count); }
 
-  /// `tangential` are forces in the nodes' tangent planes, or null.
+  /// `tangential` are forces in the nodes' tangent planes, or null. At most ContactLcp::capacity nodes.
   void advance(const std::int32_t* nodes, const double* forces, const Eigen::Vector2d* tangential, int count) noexcept {
-    step_ = free_step_;
+    for (std::size_t c = 0; c < loads_; ++c) force_change_[index(load_[c].node)] = -load_[c].force;
+    std::array<NodeLoad, max_loads> old = load_;
+    const std::size_t old_count = loads_;
+    loads_ = 0;
     for (int c = 0; c < count; ++c) {
       const Vector3<> force = node_force(nodes[c], forces[c], tangential == nullptr ? nullptr : tangential + c);
-      const float* column = response_.data() + index(nodes[c]) * free_vertices_.size();
-      for (std::size_t k = 0; k < free_vertices_.size(); ++k) step_[k] += static_cast<double>(column[k]) * force;
+      force_change_[index(nodes[c])] += force;
+      load_[loads_++] = {nodes[c], force};
     }
+    columns_ = 0;
+    for (std::size_t c = 0; c < loads_; ++c) take_change(load_[c].node);
+    for (std::size_t c = 0; c < old_count; ++c) take_change(old[c].node);
+    std::copy(free_step_.begin(), free_step_.end(), step_.begin());
+    kernels_->add_columns(column_.data(), columns_, step_.data(), step_.size());
     double work = 0.0;
-    for (int c = 0; c < count; ++c) {
-      const std::int32_t node = nodes[c];
+    for (std::size_t c = 0; c < loads_; ++c) {
       Vector3<> patch_step = Vector3<>::Zero();
-      for (std::int32_t e = patches_.begin[index(node)]; e < patches_.begin[index(node) + 1]; ++e) {
-        const std::int32_t k = free_index_[index(patches_.vertices[index(e)])];
-        if (k >= 0) patch_step += patches_.weights[index(e)] * step_[index(k)];
-      }
-      work += node_force(node, forces[c], tangential == nullptr ? nullptr : tangential + c).dot(patch_step);
+      for_each_free_in_patch(load_[c].node, [&](std::size_t k, double weight) { patch_step += weight * vector(step_[k]); });
+      work += load_[c].force.dot(patch_step);
     }
     apply_step(work);
     predict();
@@ -111,35 +127,30 @@ class MassSpringModel {
   void take_state(const MassSpringModel& other) noexcept {
     position_ = other.position_;
     velocity_ = other.velocity_;
-    force_ = other.force_;
-    potential_ = other.potential_;
-    kinetic_ = other.kinetic_;
-    predict();
+    restart();  // the dampers depend on the period
   }
 
   void reset() noexcept {
-    position_ = network_.data().rest_positions;
-    for (Vector3<>& v : velocity_) v.setZero();
-    potential_ = network_.accumulate_forces(position_.data(), force_.data());
-    kinetic_ = 0.0;
+    for (std::size_t v = 0; v < position_.size(); ++v) position_[v] = padded(network_.data().rest_positions[v]);
+    for (PaddedVector& v : velocity_) v = PaddedVector(0.0);
     limited_steps_ = 0;
-    predict();
+    restart();
   }
 
   /// Set vertex `positions` [m] and `velocities` [m/s], one per vertex. Fixed vertices stay at the given position.
   void set_state(const Vector3<>* positions, const Vector3<>* velocities) noexcept {
-    for (std::size_t v = 0; v < position_.size(); ++v) position_[v] = positions[v];
-    for (std::size_t k = 0; k < free_vertices_.size(); ++k) velocity_[k] = velocities[free_vertices_[k]];
-    potential_ = network_.accumulate_forces(position_.data(), force_.data());
-    kinetic_ = kinetic();
-    predict();
+    for (std::size_t v = 0; v < position_.size(); ++v) position_[v] = padded(positions[v]);
+    for (const std::int32_t v : free_vertices_) velocity_[index(v)] = padded(velocities[v]);
+    restart();
   }
 
   /// Kinetic and potential energy, J.
   [[nodiscard]] double energy() const noexcept { return kinetic_ + potential_; }
   /// Number of periods that were shortened or slowed to satisfy the energy inequality.
   [[nodiscard]] long limited_steps() const noexcept { return limited_steps_; }
-  [[nodiscard]] const std::vector<Vector3<>>& positions() const noexcept { return position_; }
+  [[nodiscard]] std::size_t vertices() const noexcept { return position_.size(); }
+  /// Position of a vertex, m.
+  [[nodiscard]] Vector3<> position(std::size_t vertex) const noexcept { return vector(position_[vertex]); }
   [[nodiscard]] std::size_t factor_entries() const noexcept { return factor_.nonzeros(); }
 
   /// Mean displacement of a node's patch, m.
@@ -147,12 +158,19 @@ class MassSpringModel {
     Vector3<> sum = Vector3<>::Zero();
     for (std::int32_t e = patches_.begin[index(i)]; e < patches_.begin[index(i) + 1]; ++e) {
       const std::size_t v = index(patches_.vertices[index(e)]);
-      sum += patches_.weights[index(e)] * (position_[v] - network_.data().rest_positions[v]);
+      sum += patches_.weights[index(e)] * (vector(position_[v]) - network_.data().rest_positions[v]);
     }
     return sum;
   }
 
  private:
+  static constexpr std::size_t max_loads = static_cast<std::size_t>(ContactLcp::capacity);
+
+  struct NodeLoad {
+    std::int32_t node = 0;
+    Vector3<> force = Vector3<>::Zero();  // N
+  };
+
   static std::size_t index(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
 
   /// Total force on a node, N.
@@ -162,48 +180,65 @@ class MassSpringModel {
     return force;
   }
 
-  void factorize(double alpha, double beta) {
-    const SpringNetworkData& p = network_.data();
-    // In an isotropic solid the springs hold a vertex five times as stiffly as its shear does.
-    const Eigen::SparseMatrix<double> whole = 0.5 * network_.stiffness_bound() + (0.2 * beta / period_) * network_.spring_bound();
+  /// Call `visit(k, weight)` for the free vertices of a node's patch.
+  template <class Visit>
+  void for_each_free_in_patch(std::int32_t node, Visit visit) const {
+    for (std::int32_t e = patches_.begin[index(node)]; e < patches_.begin[index(node) + 1]; ++e) {
+      const std::int32_t k = free_index_[index(patches_.vertices[index(e)])];
+      if (k >= 0) visit(index(k), patches_.weights[index(e)]);
+    }
+  }
+
+  [[nodiscard]] Eigen::SparseMatrix<double> system_matrix() const {
     std::vector<Eigen::Triplet<double>> entries;
-    for (Eigen::Index c = 0; c < whole.outerSize(); ++c)
-      for (Eigen::SparseMatrix<double>::InnerIterator e(whole, c); e; ++e) {
+    const Eigen::SparseMatrix<double> dampers = network_.damping_matrix();
+    for (Eigen::Index c = 0; c < dampers.outerSize(); ++c)
+      for (Eigen::SparseMatrix<double>::InnerIterator e(dampers, c); e; ++e) {
         const std::int32_t i = free_index_[static_cast<std::size_t>(e.row())], j = free_index_[static_cast<std::size_t>(e.col())];
-        if (i >= 0 && j >= 0) entries.emplace_back(i, j, e.value());
+        if (i >= 0 && j >= 0) entries.emplace_back(i, j, e.value() / period_);
       }
     for (std::size_t k = 0; k < free_vertices_.size(); ++k) {
-      const double inertia = p.masses[index(free_vertices_[k])] * (1.0 / period_ + alpha) / period_;
+      const double inertia = network_.data().masses[index(free_vertices_[k])] * (1.0 / period_ + alpha_) / period_;
       entries.emplace_back(static_cast<int>(k), static_cast<int>(k), inertia);
     }
     const auto size = static_cast<Eigen::Index>(free_vertices_.size());
     Eigen::SparseMatrix<double> matrix(size, size);
     matrix.setFromTriplets(entries.begin(), entries.end());
-    factor_ = SupernodalCholesky(matrix);
+    return matrix;
+  }
+
+  /// Solve for `x` with `right`, and once more for its residual: to double precision, nearly.
+  void solve_twice(const Eigen::SparseMatrix<double>& system, const Eigen::MatrixX3d& right, Eigen::MatrixX3d& x) {
+    x.setZero(right.rows(), 3);
+    for (int pass = 0; pass < 2; ++pass) {
+      const Eigen::MatrixX3d residual = right - system * x;
+      for (Eigen::Index k = 0; k < right.rows(); ++k) step_[static_cast<std::size_t>(k)] = padded(residual.row(k));
+      kernels_->solve(factor_, step_.data());
+      for (Eigen::Index k = 0; k < right.rows(); ++k) x.row(k) += vector(step_[static_cast<std::size_t>(k)]).transpose();
+    }
   }
 
   /// Compute the displacement of all vertices and nodes in a period per unit force on each node; the same along each axis.
-  void compute_response(const SurfaceNodes& nodes) {
-    const auto n = static_cast<std::size_t>(nodes.size());
-    response_.resize(n * free_vertices_.size());
+  void compute_response(const SurfaceNodes& nodes, const Eigen::SparseMatrix<double>& system) {
+    const auto n = static_cast<std::size_t>(nodes.size()), size = free_vertices_.size();
+    response_.resize(n * size);
     compliance_.resize(n * n);
+    Eigen::MatrixX3d right(static_cast<Eigen::Index>(size), 3), x;
     for (std::size_t first = 0; first < n; first += 3) {  // solve for three nodes at a time, one per axis
-      for (Vector3<>& m : step_) m.setZero();
-      for (std::size_t a = 0; a < 3 && first + a < n; ++a)
-        for (std::int32_t e = patches_.begin[first + a]; e < patches_.begin[first + a + 1]; ++e) {
-          const std::int32_t k = free_index_[index(patches_.vertices[index(e)])];
-          if (k >= 0) step_[index(k)][static_cast<int>(a)] += patches_.weights[index(e)];
-        }
-      factor_.solve(step_.data());
-      for (std::size_t a = 0; a < 3 && first + a < n; ++a) {
-        for (std::size_t k = 0; k < free_vertices_.size(); ++k)
-          response_[(first + a) * free_vertices_.size() + k] = static_cast<float>(step_[k][static_cast<int>(a)]);
+      right.setZero();
+      const std::size_t axes = std::min<std::size_t>(3, n - first);
+      for (std::size_t a = 0; a < axes; ++a)
+        for_each_free_in_patch(static_cast<std::int32_t>(first + a), [&](std::size_t k, double weight) {
+          right(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(a)) += weight;
+        });
+      solve_twice(system, right, x);
+      for (std::size_t a = 0; a < axes; ++a) {
+        const auto column = x.col(static_cast<Eigen::Index>(a));
+        for (std::size_t k = 0; k < size; ++k) response_[(first + a) * size + k] = static_cast<float>(column[static_cast<Eigen::Index>(k)]);
         for (std::size_t i = 0; i < n; ++i) {
           double sum = 0.0;
-          for (std::int32_t e = patches_.begin[i]; e < patches_.begin[i + 1]; ++e) {
-            const std::int32_t k = free_index_[index(patches_.vertices[index(e)])];
-            if (k >= 0) sum += patches_.weights[index(e)] * step_[index(k)][static_cast<int>(a)];
-          }
+          for_each_free_in_patch(static_cast<std::int32_t>(i),
+                                 [&](std::size_t k, double weight) { sum += weight * column[static_cast<Eigen::Index>(k)]; });
           compliance_[i * n + first + a] = static_cast<float>(sum);
         }
       }
@@ -212,16 +247,22 @@ class MassSpringModel {
       for (std::size_t j = 0; j < i; ++j) compliance_[j * n + i] = compliance_[i * n + j];
   }
 
-  /// Displacement from rest of node i's patch after its vertices moved by `step`, m.
-  [[nodiscard]] Vector3<> patch_displacement(std::int32_t i, const std::vector<Vector3<>>& step) const noexcept {
-    Vector3<> sum = Vector3<>::Zero();
-    for (std::int32_t e = patches_.begin[index(i)]; e < patches_.begin[index(i) + 1]; ++e) {
-      const std::size_t v = index(patches_.vertices[index(e)]);
-      const std::int32_t k = free_index_[v];
-      sum += patches_.weights[index(e)] * (position_[v] - network_.data().rest_positions[v]);
-      if (k >= 0) sum += patches_.weights[index(e)] * step[index(k)];
-    }
+  /// Displacement from rest of node i's patch at the end of the period without forces, m. The free step is that under the forces of the
+  /// last period; the response to them is subtracted.
+  [[nodiscard]] Vector3<> patch_displacement(std::int32_t i) const noexcept {
+    Vector3<> sum = displacement(i);
+    for_each_free_in_patch(i, [&](std::size_t k, double weight) { sum += weight * vector(free_step_[k]); });
+    const float* row = compliance_.data() + index(i) * inward_normals_.size();
+    for (std::size_t c = 0; c < loads_; ++c) sum -= static_cast<double>(row[index(load_[c].node)]) * load_[c].force;
     return sum;
+  }
+
+  /// Append the column of a node whose force changes, once.
+  void take_change(std::int32_t node) noexcept {
+    Vector3<>& change = force_change_[index(node)];
+    if (change.isZero(0.0)) return;
+    column_[columns_++] = {response_.data() + index(node) * free_vertices_.size(), padded(change)};
+    change.setZero();
   }
 
   /// Apply `step_`, in which the external forces do `work` [J]. Shorten the step or reduce the velocity if energy would be gained.
@@ -229,18 +270,21 @@ class MassSpringModel {
     const double initial = energy(), rounding = 1e-13 * initial;
     double fraction = 1.0, applied = 0.0;  // of the step: target and already applied
     for (int halving = 0; halving <= 4; ++halving) {
-      for (std::size_t k = 0; k < free_vertices_.size(); ++k) position_[index(free_vertices_[k])] += (fraction - applied) * step_[k];
-      potential_ = network_.accumulate_forces(position_.data(), force_.data());
+      const double move = fraction - applied, speed = fraction / period_;
+      kinetic_ = 0.0;
+      for (std::size_t k = 0; k < free_vertices_.size(); ++k) {
+        const std::size_t v = index(free_vertices_[k]);
+        position_[v] += move * step_[k];
+        velocity_[v] = speed * step_[k];
+        kinetic_ += kinetic(v);
+      }
+      potential_ = kernels_->accumulate_forces(network_, position_.data(), velocity_.data(), force_.data());
       const double allowed = initial + fraction * work;
       if (potential_ <= allowed + rounding || fraction == 0.0) {
-        for (std::size_t k = 0; k < free_vertices_.size(); ++k) velocity_[k] = (fraction / period_) * step_[k];
-        kinetic_ = kinetic();
         bool limited = fraction < 1.0;
         if (energy() > allowed + rounding && kinetic_ > 0.0) {
           limited = true;
-          const double kinetic_fraction = std::max(allowed - potential_, 0.0) / kinetic_;
-          for (Vector3<>& v : velocity_) v *= std::sqrt(kinetic_fraction);
-          kinetic_ *= kinetic_fraction;
+          slow_down(std::max(allowed - potential_, 0.0) / kinetic_);
         }
         limited_steps_ += limited ? 1 : 0;
         return;
@@ -250,23 +294,45 @@ class MassSpringModel {
     }
   }
 
-  /// Predict the next step of the vertices without external forces.
+  /// Reduce the velocities to a fraction of the kinetic energy.
+  void slow_down(double kinetic_fraction) noexcept {
+    for (const std::int32_t v : free_vertices_) velocity_[index(v)] *= std::sqrt(kinetic_fraction);
+    kinetic_ *= kinetic_fraction;
+    potential_ = kernels_->accumulate_forces(network_, position_.data(), velocity_.data(), force_.data());
+  }
+
+  /// Predict the next step of the vertices under the forces of the last period.
   void predict() noexcept {
-    for (std::size_t k = 0; k < free_vertices_.size(); ++k)
-      free_step_[k] = (network_.data().masses[index(free_vertices_[k])] / period_) * velocity_[k] + force_[index(free_vertices_[k])];
-    factor_.solve(free_step_.data());
+    for (std::size_t c = 0; c < loads_; ++c)
+      for_each_free_in_patch(load_[c].node,
+                             [&](std::size_t k, double weight) { force_[index(free_vertices_[k])] += padded(weight * load_[c].force); });
+    for (std::size_t k = 0; k < free_vertices_.size(); ++k) {
+      const std::size_t v = index(free_vertices_[k]);
+      free_step_[k] = force_[v] - (alpha_ * network_.data().masses[v]) * velocity_[v];
+    }
+    kernels_->solve(factor_, free_step_.data());
+    for (std::size_t k = 0; k < free_vertices_.size(); ++k) free_step_[k] += period_ * velocity_[index(free_vertices_[k])];
   }
 
-  [[nodiscard]] double kinetic() const noexcept {
-    double sum = 0.0;
-    for (std::size_t k = 0; k < free_vertices_.size(); ++k)
-      sum += 0.5 * network_.data().masses[index(free_vertices_[k])] * velocity_[k].squaredNorm();
-    return sum;
+  /// Begin at the present positions and velocities, without external forces.
+  void restart() noexcept {
+    loads_ = 0;
+    potential_ = kernels_->accumulate_forces(network_, position_.data(), velocity_.data(), force_.data());
+    kinetic_ = 0.0;
+    for (const std::int32_t v : free_vertices_) kinetic_ += kinetic(index(v));
+    predict();
   }
 
+  /// Kinetic energy of a vertex, J.
+  [[nodiscard]] double kinetic(std::size_t vertex) const noexcept {
+    const PaddedVector squared = velocity_[vertex] * velocity_[vertex];
+    return 0.5 * network_.data().masses[vertex] * (squared[0] + squared[1] + squared[2]);
+  }
+
+  const SpringKernels* kernels_ = &spring_kernels();
   SpringNetwork network_;
   PatchWeights patches_;
-  double period_ = 1e-3;                     // s
+  double period_ = 1e-3, alpha_ = 0.0;       // s, 1/s
   std::vector<std::int32_t> free_vertices_;  // vertices that are not fixed
   std::vector<std::int32_t> free_index_;     // by vertex: its index in free_vertices_, or -1
   SupernodalCholesky factor_;
@@ -274,11 +340,16 @@ class MassSpringModel {
   std::vector<Eigen::Matrix<double, 3, 2>> tangent_bases_;  // by node
   std::vector<float> response_;                             // nodes x free vertices: displacement in a period per unit force, m/N
   std::vector<float> compliance_;                           // nodes x nodes, m/N
-  std::vector<Vector3<>> position_;                         // of all vertices, m
-  std::vector<Vector3<>> force_;                            // network forces on all vertices, N
-  std::vector<Vector3<>> velocity_;                         // of the free vertices, m/s
-  std::vector<Vector3<>> free_step_;                        // next step without external forces, m
-  std::vector<Vector3<>> step_;                             // this step, m
+  std::vector<PaddedVector> position_;                      // of all vertices, m
+  std::vector<PaddedVector> force_;                         // of the network and its dampers on all vertices, N
+  std::vector<PaddedVector> velocity_;                      // of all vertices, m/s
+  std::vector<PaddedVector> free_step_;                     // of the free vertices: next step under the last forces, m
+  std::vector<PaddedVector> step_;                          // of the free vertices: this step, m
+  std::array<NodeLoad, max_loads> load_{};                  // of the last period
+  std::size_t loads_ = 0;
+  std::vector<Vector3<>> force_change_;                 // by node; zero between two periods
+  std::array<ResponseColumn, 2 * max_loads> column_{};  // of the nodes whose force changes
+  std::size_t columns_ = 0;
   double potential_ = 0.0, kinetic_ = 0.0;
   long limited_steps_ = 0;
 };

@@ -7,93 +7,157 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <utility>
 #include <vector>
 
+#include "palpate/deformable/linear/spring_law.hpp"
+#include "palpate/math/pack.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
 
-/// Masses, springs and volumes on the vertices of a tetrahedral mesh.
+/// Three components in a vector register; the last lane is zero.
+using PaddedVector = math::Pack<4>;
+
+[[nodiscard, gnu::always_inline]] inline PaddedVector padded(const Vector3<>& x) noexcept {
+  return PaddedVector(PaddedVector::Vector{x[0], x[1], x[2], 0.0});
+}
+[[nodiscard, gnu::always_inline]] inline Vector3<> vector(const PaddedVector& x) noexcept {
+  return {x.v[0], x.v[1], x.v[2]};
+}
+
+/// Masses, springs and volumes on vertices.
 struct SpringNetworkData {
   std::vector<Vector3<>> rest_positions;                ///< of the vertices, m
   std::vector<double> masses;                           ///< of the vertices, kg
   std::vector<std::uint8_t> fixed;                      ///< nonzero: the vertex does not move
   std::vector<std::array<std::int32_t, 2>> springs;     ///< end vertices
-  std::vector<double> stiffness;                        ///< of each spring, N/m
-  std::vector<std::array<std::int32_t, 4>> tetrahedra;  ///< of positive volume
+  std::vector<double> stiffness;                        ///< of each spring at rest, N/m
+  std::vector<std::array<std::int32_t, 4>> tetrahedra;  ///< of positive volume; may be empty
   std::vector<double> pressure;                         ///< of each vertex per unit relative change of the volume around it, Pa
+  std::vector<double> rest_lengths;                     ///< of each spring, m; empty: the distance of its vertices
+  std::vector<double> damping;                          ///< of each spring, N s/m; empty: none
+  SpringLaw law;                                        ///< of all springs
 };
 
 /// Elastic forces of a network of springs and volume terms. Springs alone give a solid of Poisson's ratio 1/4 (Cauchy); a pressure for the
 /// volume around each vertex supplies the difference (Golec et al. 2020). The volume of a vertex is a quarter of each adjacent tetrahedron,
 /// which avoids volumetric locking (Bonet & Burton 1998).
-///   W = sum k (l - l0)^2 / 2 + sum p V0 (V / V0 - 1)^2 / 2
+///   W = sum k l0^2 P((l - l0) / l0) + sum p V0 (V / V0 - 1)^2 / 2,   P the integral of the law of the springs, e^2 / 2 if linear
 /// Lengths and volumes are exact, so rigid motion stores no energy.
+///
+/// Four springs, or the edges of one tetrahedron, are evaluated side by side. The sums have one order, whatever the width of the registers.
 class SpringNetwork {
  public:
   SpringNetwork() = default;
 
   explicit SpringNetwork(SpringNetworkData data)
-      : data_(std::move(data)),
-        rest_lengths_(data_.springs.size()),
-        rest_volumes_(data_.rest_positions.size(), 0.0),
-        volume_change_(data_.rest_positions.size(), 0.0) {
+      : data_(std::move(data)), rest_volumes_(data_.rest_positions.size(), 0.0), volume_change_(data_.rest_positions.size(), 0.0) {
     const std::vector<Vector3<>>& x = data_.rest_positions;
-    for (std::size_t s = 0; s < rest_lengths_.size(); ++s)
-      rest_lengths_[s] = (at(x, data_.springs[s][1]) - at(x, data_.springs[s][0])).norm();
+    if (data_.rest_lengths.empty())
+      for (const auto& s : data_.springs) data_.rest_lengths.push_back((at(x, s[1]) - at(x, s[0])).norm());
+    if (data_.damping.empty()) data_.damping.assign(data_.springs.size(), 0.0);
     for (const auto& t : data_.tetrahedra)
-      for (const std::int32_t v : t) rest_volumes_[static_cast<std::size_t>(v)] += 0.25 * volume(x.data(), t);
+      for (const std::int32_t v : t) rest_volumes_[static_cast<std::size_t>(v)] += 0.25 * volume(x, t);
+    volume_force_.assign(data_.tetrahedra.empty() ? 0 : x.size(), PaddedVector(0.0));
+    turned_.assign(2 * volume_force_.size(), PaddedVector(0.0));
+    for (const auto& t : data_.tetrahedra) tetrahedra_.push_back({offset_of(t[0]), offset_of(t[1]), offset_of(t[2]), offset_of(t[3])});
+    set_damping(1.0, 0.0);
   }
 
   [[nodiscard]] const SpringNetworkData& data() const noexcept { return data_; }
 
-  /// Compute the forces [N] on the vertices at `x` [m]. Return the stored energy, J.
-  double accumulate_forces(const Vector3<>* x, Vector3<>* force) noexcept {
+  /// Set the dampers of the edges for a period [s]: each spring's own one, stiffness damping `beta` [s] of the springs at rest, and
+  /// period / 2 times the stiffness bound.
+  void set_damping(double period, double beta) {
+    std::map<std::array<std::int32_t, 2>, double> edges;  // off-diagonal entries of the volumes' bound, N/m
+    for_each_volume_bound([&edges](std::int32_t i, std::int32_t j, double value) {
+      if (i < j) edges[{i, j}] -= value;
+    });
+    edges_.clear();
+    for (std::size_t s = 0; s < data_.springs.size(); ++s) {
+      std::array<std::int32_t, 2> ends = data_.springs[s];
+      const double k = data_.stiffness[s];
+      double damper = data_.damping[s] + (beta + 0.5 * period * data_.law.stiffness_bound()) * k;
+      if (ends[0] > ends[1]) std::swap(ends[0], ends[1]);
+      if (const auto found = edges.find(ends); found != edges.end()) {
+        damper += 0.5 * period * found->second;
+        edges.erase(found);
+      }
+      edges_.push_back({ends, data_.rest_lengths[s], k, damper});
+    }
+    for (const auto& [ends, value] : edges) edges_.push_back({ends, 1.0, 0.0, 0.5 * period * value});
+    arrange_springs();
+  }
+
+  /// Matrix of the dampers of the edges, the same along each axis, N s/m.
+  [[nodiscard]] Eigen::SparseMatrix<double> damping_matrix() const {
+    std::vector<Eigen::Triplet<double>> entries;
+    for (const Edge& e : edges_) add_edge(entries, e.ends, e.damper);
+    return matrix(entries);
+  }
+
+  /// Compute the forces [N] on the vertices at `x` [m]: those of the network, and of the dampers at the velocities `v` [m/s]. Return the
+  /// stored energy, J.
+  double accumulate_forces(const PaddedVector* x, const PaddedVector* v, PaddedVector* force) noexcept {
     const std::size_t count = data_.rest_positions.size();
+    for (std::size_t i = 0; i < count; ++i) force[i] = PaddedVector(0.0);
     double energy = 0.0;
-    for (std::size_t v = 0; v < count; ++v) {
-      force[v].setZero();
-      volume_change_[v] = 0.0;
+    switch (data_.law.kind) {
+      case SpringLaw::Kind::linear:
+        energy = add_springs<SpringLaw::Kind::linear>(x, v, force);
+        break;
+      case SpringLaw::Kind::cubic:
+        energy = add_springs<SpringLaw::Kind::cubic>(x, v, force);
+        break;
+      case SpringLaw::Kind::exponential:
+        energy = add_springs<SpringLaw::Kind::exponential>(x, v, force);
+        break;
     }
-    for (std::size_t s = 0; s < rest_lengths_.size(); ++s) {
-      const auto a = static_cast<std::size_t>(data_.springs[s][0]), b = static_cast<std::size_t>(data_.springs[s][1]);
-      const Vector3<> edge = x[b] - x[a];
-      const double length = edge.norm(), elongation = length - rest_lengths_[s], k = data_.stiffness[s];
-      // A spring of zero length has no direction and exerts no force.
-      const Vector3<> f = (k * elongation / std::max(length, 1e-9 * rest_lengths_[s])) * edge;
-      force[a] += f;
-      force[b] -= f;
-      energy += 0.5 * k * elongation * elongation;
-    }
-    for (const auto& t : data_.tetrahedra) {
-      const double quarter = 0.25 * volume(x, t);
-      for (const std::int32_t v : t) volume_change_[static_cast<std::size_t>(v)] += quarter;
-    }
-    for (std::size_t v = 0; v < count; ++v) {  // volume to pressure
-      if (!(rest_volumes_[v] > 0.0)) continue;
-      const double change = volume_change_[v] / rest_volumes_[v] - 1.0;
-      volume_change_[v] = data_.pressure[v] * change;
-      energy += 0.5 * volume_change_[v] * change * rest_volumes_[v];
-    }
-    for (const auto& t : data_.tetrahedra) {
-      const auto a = static_cast<std::size_t>(t[0]), b = static_cast<std::size_t>(t[1]), c = static_cast<std::size_t>(t[2]),
-                 d = static_cast<std::size_t>(t[3]);
-      const double p = (volume_change_[a] + volume_change_[b] + volume_change_[c] + volume_change_[d]) / 24.0;
-      const Vector3<> u = x[b] - x[a], v = x[c] - x[a], w = x[d] - x[a];
-      const Vector3<> fb = -p * v.cross(w), fc = -p * w.cross(u), fd = -p * u.cross(v);
-      force[b] += fb;
-      force[c] += fc;
-      force[d] += fd;
-      force[a] -= fb + fc + fd;
-    }
-    return energy;
+    return tetrahedra_.empty() ? energy : energy + add_volumes(x, force);
   }
 
   /// Upper bound L of the stiffness along each axis [N/m], for any rotation. It holds for the springs at any deformation (their transverse
-  /// stiffness never exceeds the axial one) and for the volume terms near rest.
+  /// stiffness never exceeds the bound of the axial one) and for the volume terms near rest.
   [[nodiscard]] Eigen::SparseMatrix<double> stiffness_bound() const {
     std::vector<Eigen::Triplet<double>> entries;
+    for (std::size_t s = 0; s < data_.springs.size(); ++s)
+      add_edge(entries, data_.springs[s], data_.law.stiffness_bound() * data_.stiffness[s]);
+    for_each_volume_bound([&entries](std::int32_t i, std::int32_t j, double value) { entries.emplace_back(i, j, value); });
+    return matrix(entries);
+  }
+
+ private:
+  using Vector = PaddedVector::Vector;
+  static constexpr std::size_t lanes = 4;
+  static constexpr std::size_t chunk = 128;  // springs, a multiple of eight
+  // (div u)^2 <= 3 |grad u|^2 in each tetrahedron; the mean around a vertex is no larger.
+  static constexpr double volume_factor = 3.0;
+
+  /// Springs of one vertex: its offset, and the end of the range.
+  struct Run {
+    std::uint32_t start, end;
+  };
+
+  struct Edge {
+    std::array<std::int32_t, 2> ends;
+    double rest_length, stiffness, damper;  // m, N/m, N s/m
+  };
+
+  template <class T>
+  static const T& at(const std::vector<T>& values, std::int32_t i) noexcept {
+    return values[static_cast<std::size_t>(i)];
+  }
+
+  static double volume(const std::vector<Vector3<>>& x, const std::array<std::int32_t, 4>& t) noexcept {
+    const Vector3<>& a = at(x, t[0]);
+    return (at(x, t[1]) - a).dot((at(x, t[2]) - a).cross(at(x, t[3]) - a)) / 6.0;
+  }
+
+  /// Call `add(i, j, entry)` for the entries of the volume terms' bound.
+  template <class Add>
+  void for_each_volume_bound(Add add) const {
     const std::vector<Vector3<>>& x = data_.rest_positions;
     for (const auto& t : data_.tetrahedra) {
       double p = 0.0;
@@ -103,37 +167,15 @@ class SpringNetwork {
       const std::array<Vector3<>, 4> face{-vw - wu - uv, vw, wu, uv};
       const double factor = volume_factor * p / (6.0 * u.dot(vw));
       for (std::size_t i = 0; i < 4; ++i)
-        for (std::size_t j = 0; j < 4; ++j) entries.emplace_back(t[i], t[j], factor * face[i].dot(face[j]));
+        for (std::size_t j = 0; j < 4; ++j) add(t[i], t[j], factor * face[i].dot(face[j]));
     }
-    return spring_bound() + matrix(entries);
   }
 
-  /// Part of the bound due to the springs.
-  [[nodiscard]] Eigen::SparseMatrix<double> spring_bound() const {
-    std::vector<Eigen::Triplet<double>> entries;
-    for (std::size_t s = 0; s < rest_lengths_.size(); ++s) {
-      const std::int32_t a = data_.springs[s][0], b = data_.springs[s][1];
-      const double k = data_.stiffness[s];
-      entries.emplace_back(a, a, k);
-      entries.emplace_back(b, b, k);
-      entries.emplace_back(a, b, -k);
-      entries.emplace_back(b, a, -k);
-    }
-    return matrix(entries);
-  }
-
- private:
-  // (div u)^2 <= 3 |grad u|^2 in each tetrahedron; the mean around a vertex is no larger.
-  static constexpr double volume_factor = 3.0;
-
-  template <class T>
-  static const T& at(const std::vector<T>& values, std::int32_t i) noexcept {
-    return values[static_cast<std::size_t>(i)];
-  }
-
-  static double volume(const Vector3<>* x, const std::array<std::int32_t, 4>& t) noexcept {
-    const Vector3<>& a = x[t[0]];
-    return (x[t[1]] - a).dot((x[t[2]] - a).cross(x[t[3]] - a)) / 6.0;
+  static void add_edge(std::vector<Eigen::Triplet<double>>& entries, const std::array<std::int32_t, 2>& ends, double k) {
+    entries.emplace_back(ends[0], ends[0], k);
+    entries.emplace_back(ends[1], ends[1], k);
+    entries.emplace_back(ends[0], ends[1], -k);
+    entries.emplace_back(ends[1], ends[0], -k);
   }
 
   [[nodiscard]] Eigen::SparseMatrix<double> matrix(const std::vector<Eigen::Triplet<double>>& entries) const {
@@ -143,10 +185,184 @@ class SpringNetwork {
     return m;
   }
 
+  /// Sort the edges by their first vertex, and divide them in runs of one vertex.
+  void arrange_springs() {
+    std::vector<Edge> sorted = edges_;
+    std::stable_sort(sorted.begin(), sorted.end(), [](const Edge& a, const Edge& b) { return a.ends < b.ends; });
+    while (sorted.size() % (2 * lanes) != 0) sorted.push_back({sorted.back().ends, 1.0, 0.0, 0.0});
+    ends_.clear();
+    runs_.clear();
+    dampers_.clear();
+    rest_lengths_.assign(sorted.size() / lanes, PaddedVector(0.0));
+    stiffness_ = rest_lengths_;
+    for (std::size_t s = 0; s < sorted.size(); ++s) {
+      const Edge& e = sorted[s];
+      if (s % chunk == 0 || runs_.back().start != offset_of(e.ends[0])) runs_.push_back({offset_of(e.ends[0]), 0});
+      runs_.back().end = static_cast<std::uint32_t>(s + 1);
+      ends_.push_back(offset_of(e.ends[1]));
+      dampers_.push_back(e.damper);
+      rest_lengths_[s / lanes].set(static_cast<int>(s % lanes), e.rest_length);
+      stiffness_[s / lanes].set(static_cast<int>(s % lanes), e.stiffness);
+    }
+  }
+
+  /// Vector at an offset: a quarter of its distance in bytes, so that it is a distance in a list of numbers too.
+  [[gnu::always_inline]] static const PaddedVector& at(const PaddedVector* values, std::uint32_t offset) noexcept {
+    return *reinterpret_cast<const PaddedVector*>(reinterpret_cast<const char*>(values) + std::size_t{4} * offset);
+  }
+  [[gnu::always_inline]] static PaddedVector& at(PaddedVector* values, std::uint32_t offset) noexcept {
+    return *reinterpret_cast<PaddedVector*>(reinterpret_cast<char*>(values) + std::size_t{4} * offset);
+  }
+  static std::uint32_t offset_of(std::int32_t vertex) noexcept { return static_cast<std::uint32_t>(vertex) * sizeof(double); }
+
+  /// Return the squared lengths of four vectors.
+  [[gnu::always_inline]] static PaddedVector squares_of(const PaddedVector* x) noexcept {
+    const Vector a = x[0].v * x[0].v, b = x[1].v * x[1].v, c = x[2].v * x[2].v, d = x[3].v * x[3].v;
+    const Vector ab = __builtin_shufflevector(a, b, 0, 4, 2, 6) + __builtin_shufflevector(a, b, 1, 5, 3, 7);
+    const Vector cd = __builtin_shufflevector(c, d, 0, 4, 2, 6) + __builtin_shufflevector(c, d, 1, 5, 3, 7);
+    return PaddedVector(Vector(__builtin_shufflevector(ab, cd, 0, 1, 4, 5) + __builtin_shufflevector(ab, cd, 2, 3, 6, 7)));
+  }
+
+  /// Compute 1 / sqrt(x) of eight numbers to rounding, from those of single precision and one step of third order.
+  [[gnu::always_inline]] static void invert_roots(const PaddedVector* x, PaddedVector* roots) noexcept {
+    using Four [[gnu::vector_size(16)]] = float;
+    using Eight [[gnu::vector_size(32)]] = float;
+    const Four low = __builtin_convertvector(x[0].v, Four), high = __builtin_convertvector(x[1].v, Four);
+    Eight single = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
+#if defined(__AVX__)
+    single = 1.0F / Eight(_mm256_sqrt_ps(__m256(single)));
+#elif defined(__SSE2__)
+    const Four a(_mm_sqrt_ps(__m128(low))), b(_mm_sqrt_ps(__m128(high)));
+    single = 1.0F / __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+#else
+    for (int i = 0; i < 8; ++i) single[i] = 1.0F / std::sqrt(single[i]);
+#endif
+    roots[0].v = __builtin_convertvector(__builtin_shufflevector(single, single, 0, 1, 2, 3), Vector);
+    roots[1].v = __builtin_convertvector(__builtin_shufflevector(single, single, 4, 5, 6, 7), Vector);
+    for (int i = 0; i < 2; ++i) {
+      const PaddedVector error = 1.0 - x[i] * roots[i] * roots[i];
+      roots[i] += roots[i] * error * (0.5 + 0.375 * error);
+    }
+  }
+
+  template <SpringLaw::Kind kind>
+  double add_springs(const PaddedVector* x, const PaddedVector* v, PaddedVector* force) noexcept {
+    const detail::SpringLawKernel<kind> law(data_.law);
+    PaddedVector energy(0.0);
+    PaddedVector edge[chunk], over_length[chunk / lanes];  // m; force over length, N/m
+    const Run* run = runs_.data();
+    for (std::size_t begin = 0; begin < ends_.size(); begin += chunk) {
+      const std::size_t end = std::min(begin + chunk, ends_.size());
+      const Run* const first = run;
+      for (std::size_t s = begin; s < end; ++run) {
+        const PaddedVector from = at(x, run->start);
+        for (; s < run->end; ++s) edge[s - begin] = at(x, ends_[s]) - from;
+      }
+      for (std::size_t s = begin; s < end; s += 2 * lanes)
+        add_eight(law, edge + (s - begin), rest_lengths_.data() + s / lanes, stiffness_.data() + s / lanes,
+                  over_length + (s - begin) / lanes, energy);
+      const double* const scale = reinterpret_cast<const double*>(over_length);
+      run = first;
+      for (std::size_t s = begin; s < end; ++run) {
+        const PaddedVector from = at(v, run->start);
+        PaddedVector sum = at(force, run->start);
+        for (; s < run->end; ++s) {
+          const Vector f = scale[s - begin] * edge[s - begin].v + dampers_[s] * (at(v, ends_[s]).v - from.v);
+          sum.v += f;
+          at(force, ends_[s]).v -= f;
+        }
+        at(force, run->start) = sum;
+      }
+    }
+    return (energy[0] + energy[1]) + (energy[2] + energy[3]);
+  }
+
+  /// Compute the forces of eight springs over their lengths, N/m, and add their energy.
+  template <SpringLaw::Kind kind>
+  [[gnu::always_inline]] static void add_eight(const detail::SpringLawKernel<kind>& law, const PaddedVector* edge, const PaddedVector* rest,
+                                               const PaddedVector* stiffness, PaddedVector* over_length, PaddedVector& energy) noexcept {
+    PaddedVector squared[2], inverse[2];
+    for (int i = 0; i < 2; ++i) {  // a spring of zero length has no direction and exerts no force
+      const PaddedVector least = 1e-18 * (rest[i] * rest[i]), length2 = squares_of(edge + 4 * i);
+      squared[i] = select(length2 < least, least, length2);
+    }
+    invert_roots(squared, inverse);
+    for (int i = 0; i < 2; ++i) {
+      const PaddedVector elongation = squared[i] * inverse[i] - rest[i];
+      if constexpr (kind == SpringLaw::Kind::linear) {
+        const PaddedVector along = stiffness[i] * elongation;
+        energy += 0.5 * (along * elongation);
+        over_length[i] = along * inverse[i];
+      } else {
+        PaddedVector p, stored;
+        law.evaluate(elongation / rest[i], p, stored);
+        const PaddedVector scale = stiffness[i] * rest[i];
+        energy += scale * (rest[i] * stored);
+        over_length[i] = scale * p * inverse[i];
+      }
+    }
+  }
+
+  /// Rotate the components: y, z, x.
+  [[gnu::always_inline]] static PaddedVector rotated(const PaddedVector& a) noexcept {
+    return PaddedVector(Vector(__builtin_shufflevector(a.v, a.v, 1, 2, 0, 3)));
+  }
+  /// Volume or pressure of the vertex at an offset of its vector.
+  [[gnu::always_inline]] double& value_at(std::uint32_t offset) noexcept {
+    return *reinterpret_cast<double*>(reinterpret_cast<char*>(volume_change_.data()) + offset);
+  }
+
+  double add_volumes(const PaddedVector* x, PaddedVector* force) noexcept {
+    const std::size_t count = data_.rest_positions.size();
+    PaddedVector *const yzx = turned_.data(), *const zxy = turned_.data() + count;  // positions with their components rotated
+    for (std::size_t i = 0; i < count; ++i) {
+      volume_change_[i] = 0.0;
+      volume_force_[i] = PaddedVector(0.0);
+      yzx[i] = rotated(x[i]);
+      zxy[i] = rotated(yzx[i]);
+    }
+    for (const auto& t : tetrahedra_) {
+      const PaddedVector a = at(x, t[0]), ra = at(yzx, t[0]), v = at(x, t[2]) - a, w = at(x, t[3]) - a;
+      const PaddedVector rv = at(yzx, t[2]) - ra, rw = at(yzx, t[3]) - ra, u = at(zxy, t[1]) - at(zxy, t[0]);
+      const Vector triple = (u * (v * rw - rv * w)).v;  // components z, x, y
+      const double quarter = (triple[0] + triple[1] + triple[2]) * (1.0 / 24.0);
+      for (const std::uint32_t i : t) value_at(i) += quarter;
+    }
+    double energy = 0.0;
+    for (std::size_t i = 0; i < count; ++i) {  // volume to pressure
+      if (!(rest_volumes_[i] > 0.0)) continue;
+      const double change = volume_change_[i] / rest_volumes_[i] - 1.0;
+      volume_change_[i] = data_.pressure[i] * change;
+      energy += 0.5 * volume_change_[i] * change * rest_volumes_[i];
+    }
+    PaddedVector* const rotated_force = volume_force_.data();
+    for (const auto& t : tetrahedra_) {
+      const double p = ((value_at(t[0]) + value_at(t[1])) + (value_at(t[2]) + value_at(t[3]))) * (-1.0 / 24.0);
+      const PaddedVector a = at(x, t[0]), u = at(x, t[1]) - a, v = at(x, t[2]) - a, w = at(x, t[3]) - a;
+      const PaddedVector ra = at(yzx, t[0]), ru = at(yzx, t[1]) - ra, rv = at(yzx, t[2]) - ra, rw = at(yzx, t[3]) - ra;
+      const Vector fb = p * (v * rw - rv * w).v, fc = p * (w * ru - rw * u).v, fd = p * (u * rv - ru * v).v;  // components z, x, y
+      at(rotated_force, t[1]).v += fb;
+      at(rotated_force, t[2]).v += fc;
+      at(rotated_force, t[3]).v += fd;
+      at(rotated_force, t[0]).v -= fb + fc + fd;
+    }
+    for (std::size_t i = 0; i < count; ++i) force[i] += rotated(volume_force_[i]);
+    return energy;
+  }
+
   SpringNetworkData data_;
-  std::vector<double> rest_lengths_;   // m
-  std::vector<double> rest_volumes_;   // around each vertex, m^3
-  std::vector<double> volume_change_;  // by vertex: volume [m^3], then pressure [Pa]
+  std::vector<Edge> edges_;  // springs, and edges of tetrahedra without a spring
+  // The same edges, sorted by their first vertex.
+  std::vector<Run> runs_;
+  std::vector<std::uint32_t> ends_;                       // offsets of the second vertices
+  std::vector<PaddedVector> rest_lengths_;                // of four springs, m
+  std::vector<PaddedVector> stiffness_;                   // N/m
+  std::vector<double> dampers_;                           // N s/m
+  std::vector<std::array<std::uint32_t, 4>> tetrahedra_;  // offsets of the vertices
+  std::vector<double> rest_volumes_;                      // around each vertex, m^3
+  std::vector<double> volume_change_;                     // by vertex: volume [m^3], then pressure [Pa]
+  std::vector<PaddedVector> turned_;                      // workspace of positions
+  std::vector<PaddedVector> volume_force_;                // by vertex, components rotated: z, x, y; N
 };
 
 }  // namespace palpate::deformable

@@ -115,6 +115,8 @@ def press(block: Path, **body: Any) -> dict[str, Any]:
         ("mass_spring", {"rayleigh_beta": "2 ms"}),
         ("modal", {"rayleigh_beta": "1 ms", "update_interval": "7 ms"}),
         ("viscoelastic", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms", "update_interval": "7 ms"}),
+        ("mass_spring", {"rayleigh_beta": "2 ms", "hardening_strain": 0.1}),
+        ("mass_spring", {"rayleigh_beta": "2 ms", "exponent": -6, "stiffness_limit": 8}),
         ("signed_distance", {"sideways_fraction": 0.7}),
         ("signed_distance", {"contact_points": [["-9 mm", "0 mm", "0 mm"], ["9 mm", "2 mm", "0 mm"]]}),
         ("modal", {"contact": "signed_distance", "rayleigh_beta": "1 ms"}),

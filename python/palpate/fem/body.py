@@ -354,7 +354,8 @@ class Body(IndentableBody):
             body.core = _core.MultirateBody.mass_spring(*arguments, *options.values(), *body.update_ticks)
             return body
         body.settling_period, body.ramp_time = options["period"], 0.25
-        body.core = _core.MassSpringBody(*arguments, **options, static_friction=static, dynamic_friction=dynamic)
+        keywords: dict[str, Any] = {**options, "static_friction": static, "dynamic_friction": dynamic}
+        body.core = _core.MassSpringBody(*arguments, **keywords)
         return body
 
     def hyperelastic(

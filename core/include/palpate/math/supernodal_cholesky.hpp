@@ -9,7 +9,7 @@
 #include <map>
 #include <vector>
 
-#include "palpate/math/pack.hpp"
+#include "palpate/math/quad.hpp"
 
 namespace palpate::math {
 
@@ -51,18 +51,19 @@ class SupernodalCholesky {
   [[nodiscard]] std::size_t nonzeros() const noexcept { return nonzeros_; }
 
   /// Solve in place. `right_hand_sides` has one entry per matrix row; the first three lanes are the right-hand sides, the last is zero.
-  void solve(Pack<4>* right_hand_sides) noexcept {
+  void solve(Quad* right_hand_sides) noexcept {
     const double scale = power_of_two_scale(right_hand_sides);
     float* const x = reinterpret_cast<float*>(workspace_.data());
     for (std::size_t i = 0; i < slots_.size(); ++i)
       for (std::size_t a = 0; a < 3; ++a)
-        x[static_cast<std::size_t>(slots_[i]) + width * a] = static_cast<float>(scale * right_hand_sides[i].v[static_cast<int>(a)]);
+        x[static_cast<std::size_t>(slots_[i]) + width * a] = static_cast<float>(scale * right_hand_sides[i][a]);
     for (const Product& p : forward_.products) apply(forward_, p);
     for (const Product& p : backward_.products) apply(backward_, p);
     const double back = 1.0 / scale;
-    for (std::size_t i = 0; i < slots_.size(); ++i)
-      for (std::size_t a = 0; a < 3; ++a)
-        right_hand_sides[i].v[static_cast<int>(a)] = back * static_cast<double>(x[static_cast<std::size_t>(slots_[i]) + width * a]);
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      const float* y = x + slots_[i];
+      right_hand_sides[i] = back * Quad(y[0], y[width], y[2 * width], 0.0);
+    }
   }
 
  private:
@@ -135,10 +136,10 @@ class SupernodalCholesky {
 
   /// Return the power of two by which the right-hand sides are about 1e18: no number within 1e-56 of the largest underflows, and a tick
   /// does not slow down while a motion decays.
-  double power_of_two_scale(const Pack<4>* values) const noexcept {
-    Pack<4> largest(0.0);
+  double power_of_two_scale(const Quad* values) const noexcept {
+    Quad largest(0.0);
     for (std::size_t i = 0; i < slots_.size(); ++i) {
-      const Pack<4> negative = -values[i], magnitude = select(values[i] < negative, negative, values[i]);
+      const Quad negative = -values[i], magnitude = select(values[i] < negative, negative, values[i]);
       largest = select(largest < magnitude, magnitude, largest);
     }
     const double most = std::max(std::max(largest[0], largest[1]), largest[2]);

@@ -9,6 +9,8 @@
 #include "support/linear_solve.hpp"
 #include "support/mass_spring_cube.hpp"
 
+namespace mass_spring_tests {
+
 namespace {
 
 using palpate::deformable::padded;
@@ -255,3 +257,5 @@ TEST(MassSpringModel, HeldForceGivesTheStretchOfTheLaw) {
 }
 
 }  // namespace
+
+}  // namespace mass_spring_tests

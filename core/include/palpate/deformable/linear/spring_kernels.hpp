@@ -10,7 +10,7 @@ namespace palpate::deformable {
 /// A force on a node of the surface, and the displacements of the free vertices per unit force on it.
 struct ResponseColumn {
   const float* displacement = nullptr;  ///< of each free vertex, m/N
-  PaddedVector force{};                 ///< N
+  PaddedVector force = 0.0;             ///< N
 };
 
 /// The sums over all springs and vertices in a tick of the mass-spring model, as compiled for one width of vector registers. The results
@@ -32,7 +32,7 @@ struct SpringKernels {
       [](const ResponseColumn* columns, std::size_t count, PaddedVector* step, std::size_t vertices) noexcept {
         for (std::size_t k = 0; k < vertices; ++k) {
           PaddedVector sum = step[k];
-          for (std::size_t c = 0; c < count; ++c) sum.v += static_cast<double>(columns[c].displacement[k]) * columns[c].force.v;
+          for (std::size_t c = 0; c < count; ++c) sum += static_cast<double>(columns[c].displacement[k]) * columns[c].force;
           step[k] = sum;
         }
       }};

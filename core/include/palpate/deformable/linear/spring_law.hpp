@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdint>
 
-#include "palpate/math/pack.hpp"
 #include "palpate/math/select.hpp"
 
 namespace palpate::deformable {

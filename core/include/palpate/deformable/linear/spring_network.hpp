@@ -12,19 +12,19 @@
 #include <vector>
 
 #include "palpate/deformable/linear/spring_law.hpp"
-#include "palpate/math/pack.hpp"
+#include "palpate/math/quad.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
 
 /// Three components in a vector register; the last lane is zero.
-using PaddedVector = math::Pack<4>;
+using PaddedVector = math::Quad;
 
 [[nodiscard, gnu::always_inline]] inline PaddedVector padded(const Vector3<>& x) noexcept {
-  return PaddedVector(PaddedVector::Vector{x[0], x[1], x[2], 0.0});
+  return {x[0], x[1], x[2], 0.0};
 }
 [[nodiscard, gnu::always_inline]] inline Vector3<> vector(const PaddedVector& x) noexcept {
-  return {x.v[0], x.v[1], x.v[2]};
+  return {x[0], x[1], x[2]};
 }
 
 /// Masses, springs and volumes on vertices.
@@ -129,7 +129,6 @@ class SpringNetwork {
   }
 
  private:
-  using Vector = PaddedVector::Vector;
   static constexpr std::size_t lanes = 4;
   static constexpr std::size_t chunk = 128;  // springs, a multiple of eight
   // (div u)^2 <= 3 |grad u|^2 in each tetrahedron; the mean around a vertex is no larger.
@@ -201,8 +200,8 @@ class SpringNetwork {
       runs_.back().end = static_cast<std::uint32_t>(s + 1);
       ends_.push_back(offset_of(e.ends[1]));
       dampers_.push_back(e.damper);
-      rest_lengths_[s / lanes].set(static_cast<int>(s % lanes), e.rest_length);
-      stiffness_[s / lanes].set(static_cast<int>(s % lanes), e.stiffness);
+      rest_lengths_[s / lanes].set(s % lanes, e.rest_length);
+      stiffness_[s / lanes].set(s % lanes, e.stiffness);
     }
   }
 
@@ -217,28 +216,12 @@ class SpringNetwork {
 
   /// Return the squared lengths of four vectors.
   [[gnu::always_inline]] static PaddedVector squares_of(const PaddedVector* x) noexcept {
-    const Vector a = x[0].v * x[0].v, b = x[1].v * x[1].v, c = x[2].v * x[2].v, d = x[3].v * x[3].v;
-    const Vector ab = __builtin_shufflevector(a, b, 0, 4, 2, 6) + __builtin_shufflevector(a, b, 1, 5, 3, 7);
-    const Vector cd = __builtin_shufflevector(c, d, 0, 4, 2, 6) + __builtin_shufflevector(c, d, 1, 5, 3, 7);
-    return PaddedVector(Vector(__builtin_shufflevector(ab, cd, 0, 1, 4, 5) + __builtin_shufflevector(ab, cd, 2, 3, 6, 7)));
+    return PaddedVector::sums_of(x[0] * x[0], x[1] * x[1], x[2] * x[2], x[3] * x[3]);
   }
 
   /// Compute 1 / sqrt(x) of eight numbers to rounding, from those of single precision and one step of third order.
   [[gnu::always_inline]] static void invert_roots(const PaddedVector* x, PaddedVector* roots) noexcept {
-    using Four [[gnu::vector_size(16)]] = float;
-    using Eight [[gnu::vector_size(32)]] = float;
-    const Four low = __builtin_convertvector(x[0].v, Four), high = __builtin_convertvector(x[1].v, Four);
-    Eight single = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
-#if defined(__AVX__)
-    single = 1.0F / Eight(_mm256_sqrt_ps(__m256(single)));
-#elif defined(__SSE2__)
-    const Four a(_mm_sqrt_ps(__m128(low))), b(_mm_sqrt_ps(__m128(high)));
-    single = 1.0F / __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
-#else
-    for (int i = 0; i < 8; ++i) single[i] = 1.0F / std::sqrt(single[i]);
-#endif
-    roots[0].v = __builtin_convertvector(__builtin_shufflevector(single, single, 0, 1, 2, 3), Vector);
-    roots[1].v = __builtin_convertvector(__builtin_shufflevector(single, single, 4, 5, 6, 7), Vector);
+    PaddedVector::single_inverse_roots(x, roots);
     for (int i = 0; i < 2; ++i) {
       const PaddedVector error = 1.0 - x[i] * roots[i] * roots[i];
       roots[i] += roots[i] * error * (0.5 + 0.375 * error);
@@ -267,9 +250,9 @@ class SpringNetwork {
         const PaddedVector from = at(v, run->start);
         PaddedVector sum = at(force, run->start);
         for (; s < run->end; ++s) {
-          const Vector f = scale[s - begin] * edge[s - begin].v + dampers_[s] * (at(v, ends_[s]).v - from.v);
-          sum.v += f;
-          at(force, ends_[s]).v -= f;
+          const PaddedVector f = scale[s - begin] * edge[s - begin] + dampers_[s] * (at(v, ends_[s]) - from);
+          sum += f;
+          at(force, ends_[s]) -= f;
         }
         at(force, run->start) = sum;
       }
@@ -303,10 +286,6 @@ class SpringNetwork {
     }
   }
 
-  /// Rotate the components: y, z, x.
-  [[gnu::always_inline]] static PaddedVector rotated(const PaddedVector& a) noexcept {
-    return PaddedVector(Vector(__builtin_shufflevector(a.v, a.v, 1, 2, 0, 3)));
-  }
   /// Volume or pressure of the vertex at an offset of its vector.
   [[gnu::always_inline]] double& value_at(std::uint32_t offset) noexcept {
     return *reinterpret_cast<double*>(reinterpret_cast<char*>(volume_change_.data()) + offset);
@@ -318,13 +297,13 @@ class SpringNetwork {
     for (std::size_t i = 0; i < count; ++i) {
       volume_change_[i] = 0.0;
       volume_force_[i] = PaddedVector(0.0);
-      yzx[i] = rotated(x[i]);
-      zxy[i] = rotated(yzx[i]);
+      yzx[i] = x[i].rotated();
+      zxy[i] = yzx[i].rotated();
     }
     for (const auto& t : tetrahedra_) {
       const PaddedVector a = at(x, t[0]), ra = at(yzx, t[0]), v = at(x, t[2]) - a, w = at(x, t[3]) - a;
       const PaddedVector rv = at(yzx, t[2]) - ra, rw = at(yzx, t[3]) - ra, u = at(zxy, t[1]) - at(zxy, t[0]);
-      const Vector triple = (u * (v * rw - rv * w)).v;  // components z, x, y
+      const PaddedVector triple = u * (v * rw - rv * w);  // components z, x, y
       const double quarter = (triple[0] + triple[1] + triple[2]) * (1.0 / 24.0);
       for (const std::uint32_t i : t) value_at(i) += quarter;
     }
@@ -340,13 +319,13 @@ class SpringNetwork {
       const double p = ((value_at(t[0]) + value_at(t[1])) + (value_at(t[2]) + value_at(t[3]))) * (-1.0 / 24.0);
       const PaddedVector a = at(x, t[0]), u = at(x, t[1]) - a, v = at(x, t[2]) - a, w = at(x, t[3]) - a;
       const PaddedVector ra = at(yzx, t[0]), ru = at(yzx, t[1]) - ra, rv = at(yzx, t[2]) - ra, rw = at(yzx, t[3]) - ra;
-      const Vector fb = p * (v * rw - rv * w).v, fc = p * (w * ru - rw * u).v, fd = p * (u * rv - ru * v).v;  // components z, x, y
-      at(rotated_force, t[1]).v += fb;
-      at(rotated_force, t[2]).v += fc;
-      at(rotated_force, t[3]).v += fd;
-      at(rotated_force, t[0]).v -= fb + fc + fd;
+      const PaddedVector fb = p * (v * rw - rv * w), fc = p * (w * ru - rw * u), fd = p * (u * rv - ru * v);  // components z, x, y
+      at(rotated_force, t[1]) += fb;
+      at(rotated_force, t[2]) += fc;
+      at(rotated_force, t[3]) += fd;
+      at(rotated_force, t[0]) -= fb + fc + fd;
     }
-    for (std::size_t i = 0; i < count; ++i) force[i] += rotated(volume_force_[i]);
+    for (std::size_t i = 0; i < count; ++i) force[i] += volume_force_[i].rotated();
     return energy;
   }
 

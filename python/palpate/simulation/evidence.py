@@ -42,11 +42,11 @@ def lossy(scenario: Scenario, device: Device) -> bool:
 
 
 def _rubs(scenario: Scenario) -> bool:
-    """Return whether the surface of the scenario's mesh or body has dry friction."""
-    surface, body = scenario.object.surface, scenario.object.body
-    return (surface is not None and surface.static_friction > 0.0) or (
-        body is not None and float(body.options.get("static_friction", 0.0)) > 0.0
-    )
+    """Return whether the surface of a mesh or body of the scenario has dry friction."""
+    objects = [one.object for one in scenario.each_object.values()]
+    surfaces = [one.surface.static_friction for one in objects if one.surface is not None]
+    bodies = [float(one.body.options.get("static_friction", 0.0)) for one in objects if one.body is not None]
+    return any(friction > 0.0 for friction in (*surfaces, *bodies))
 
 
 def resolution(scenario: Scenario, device: Device, angles: ArrayLike) -> Array:
@@ -136,6 +136,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
         "pressed": one_sided and _pressed(trace, scenario, touching, last),
         "apart": _apart(trace, touching) if one_sided else 0.0,
         "local": any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values()),
+        "rubs": _rubs(scenario),
         "lossy": lossy(scenario, device) or others > 0.0,
         "generated": generated,
         "generated_before": generated_before,

@@ -29,6 +29,7 @@ from palpate.simulation.verdict import (
     chatters,
     decide,
     generates,
+    slips,
 )
 from palpate.simulation.windows import Window, windows
 
@@ -294,6 +295,8 @@ def _undecided(time: Array, e: Evidence, swing: str, tool: bool) -> str:
         return f"its mean position still shifts, and {left} may be left: give a longer run.duration"
     if e.ripple[0] <= band and int(e.linear[0]) <= 0 and bool(chatters(e)[0]):
         return f"it oscillates by {swing}, within two encoder counts, in which a growing oscillation begins as well"
+    if e.ripple[0] <= band and bool(slips(e)[0]):
+        return f"it oscillates by {swing}, within two encoder counts, in which a contact with friction may slip on"
     if bool(generates(e)[0]) and int(e.linear[0]) <= 0:
         share = f"{100 * float(e.generated[0]):.3g} % of the energy that the operator supplied"
         return f"it moves by {swing}, and its motors keep generating energy: {share} in the last fifth"

@@ -23,6 +23,7 @@ __all__ = [
     "decide",
     "generates",
     "growth",
+    "slips",
 ]
 
 STILL = 1e-14  # m, second differences of tip positions at rounding level
@@ -40,6 +41,8 @@ LASTING = 0.95  # largest factor per fifth by which a trend is taken to decay wh
 FAST = 0.1  # factor per fifth of the linear loop's slowest motion below which it does not explain a lasting trend
 TREND = 1.5  # ripple over swing above which a motion has a trend; an oscillation of a period per fifth has less
 WANDERS = 0.2  # of two encoder counts: shift of that mean which chatter explains where no linear loop is known
+SHAKEN = 0.1  # of two encoder counts: oscillation above which counts may move a contact with friction on
+SLIPS, SLIPS_LINEAR = 100, 10  # fifths for which it is taken to slip on at the rate of its mean; beside a stable loop
 CHATTER = 0.5  # of two encoder counts: oscillation above which it may be a growing one where no linear loop is known
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
@@ -177,6 +180,7 @@ class Evidence:
         decay: factor of the linear loop's slowest motion per fifth of the window; nan if unknown.
         kept: response to a push in the last fifth of the window, relative to that in the first; nan without a push.
         local: whether the linear loop holds near the tip's place alone: on a mesh or body.
+        rubs: whether the object's surface has dry friction.
         lossy: whether dry friction, encoder counts or drive limits may hide what the linear loop does.
         generated: energy that an impedance display generates in the last fifth, relative to that which the operator
             supplies (`EnergyBalance`); nan if unknown.
@@ -212,6 +216,7 @@ class Evidence:
     decay: Array
     kept: Array
     local: NDArray[np.bool_]
+    rubs: NDArray[np.bool_]
     lossy: NDArray[np.bool_]
     generated: Array
     generated_before: Array
@@ -236,6 +241,7 @@ class Evidence:
             "beyond": False,
             "constant": True,
             "local": False,
+            "rubs": False,
             "lossy": False,
         }
         return cls(**{name: np.broadcast_to(value, (count,)) for name, value in {**defaults, **values}.items()})
@@ -305,6 +311,25 @@ def chatters(e: Evidence) -> NDArray[np.bool_]:
     )
 
 
+def slips(e: Evidence) -> NDArray[np.bool_]:
+    """Return whether encoder counts may move tips (n,) on along a surface with dry friction.
+
+    The oscillation within the counts lets the contact slip a little in each period, at an unsteady rate that need not
+    decay. A stable linear loop is no evidence against it where the oscillation outlasts that loop's slowest motion. The
+    response to a push is judged by itself.
+    """
+    shaken = e.rubs & np.isnan(e.kept) & (e.resolution > 0.0) & (e.swing > SHAKEN * e.resolution)
+    stable = e.linear > 0
+    sustained = ~stable | (e.late > np.sqrt(e.decay) * e.prior)
+    lasts = np.where(stable, SLIPS_LINEAR, SLIPS) * e.shift > _band(e)
+    return np.asarray(shaken & sustained & (lasts | (~stable & (SUSTAINED * e.late > e.prior))), dtype=bool)
+
+
+def _band(e: Evidence) -> Array:
+    """Return the distance within which tips (n,) rest, m."""
+    return np.asarray(np.maximum(BAND * e.deflection, np.maximum(e.resolution, FLOOR)), dtype=float)
+
+
 def decide(e: Evidence) -> NDArray[np.int8]:
     """Return the State of each loop (n,). Every command that judges a loop uses this function.
 
@@ -328,7 +353,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     lost |= (e.apart > APART) & (e.contacts <= MOST_CONTACTS)
     limited = stable & (e.saturated > SHARE)  # the motion to a new rest when the drive gets warm
     unstable = ~np.isnan(e.unstable_from) | (grows & ~lost & ~limited & e.constant)
-    band = np.maximum(BAND * e.deflection, np.maximum(e.resolution, FLOOR))
+    band = _band(e)
     rest = np.where(e.linear < 0, 0.0, SWING * e.deflection)  # an unstable linear loop explains any oscillation
     least = np.maximum(rest, np.maximum(e.resolution, FLOOR))
     bounces = e.pressed & (e.contacts > MOST_CONTACTS)
@@ -345,6 +370,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     rests &= stable | ~(e.ripple_before > BEFORE * band)  # a turning point of a slow motion looks like rest
     rests &= stable | ~generates(e)
     rests &= stable | ~chatters(e)
+    rests &= ~slips(e)
     state = np.select(
         [
             unstable,

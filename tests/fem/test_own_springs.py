@@ -315,7 +315,7 @@ def test_a_loose_part_is_told() -> None:
 
 def test_a_mechanism_is_told() -> None:
     """A ladder without tension has no stiffness across its plane, and one under pressure a negative one."""
-    with pytest.raises(BodyError, match="can move along . without stiffness"):
+    with pytest.raises(BodyError, match=r"can move along [xyz] without stiffness"):
         build_springs(**chain(4))
     with pytest.raises(BodyError, match="with negative stiffness"):
         build_springs(**chain(4, tension=-0.2))

@@ -197,7 +197,11 @@ def _network_rows(body: Body) -> Iterator[tuple[str, str]]:
     """Yield name and text of each property of a body of springs."""
     contents = body.contents
     stiffness, total = contents.spring_stiffness, 1e3 * contents.masses.sum()
-    spread = f"{stiffness.min():.4g}" if stiffness.min() == stiffness.max() else f"{stiffness.min():.4g} to {stiffness.max():.4g}"
+    spread = (
+        f"{stiffness.min():.4g}"
+        if stiffness.min() == stiffness.max()
+        else f"{stiffness.min():.4g} to {stiffness.max():.4g}"
+    )
     yield "springs", f"{len(stiffness):,}, {spread} N/m"
     yield "vertices", f"{len(contents.vertices):,}, {total:.4g} g, {int(contents.dirichlet.sum()):,} fixed"
     if held := body.record.get("held"):

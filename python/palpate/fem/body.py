@@ -45,7 +45,7 @@ class Body(IndentableBody):
     """
 
     def scaled_stiffness(self, factor: float | str) -> Self:
-        """Return the same body with every Young's modulus multiplied by `factor`. The scaling is exact.
+        """Return the same body with every Young's modulus, or spring, times `factor`. The scaling is exact.
 
         Raises:
             BodyError: the factor is not between 1e-6 and 1e6.

@@ -23,10 +23,9 @@ from palpate.fem.selectors import Selector
 from palpate.fem.spring_network import SpringNetwork, contact_patches
 from palpate.fem.storage import SPRINGS, BodyData, check_target, write
 
-__all__ = ["build_springs"]
-
 _UNBALANCED: Final = 1e-6  # force on a free vertex at rest, relative to the largest force of a spring
 _MECHANISM: Final = 1e-9  # least eigenvalue of the stiffness, relative to its largest diagonal entry
+_ONE: Final = {"springs": "spring", "vertices": "vertex"}
 _MAX_MEMORY: Final = 4e9  # bytes of the right-hand sides of the compliance
 
 
@@ -147,11 +146,15 @@ def _pairs(springs: ArrayLike, x: Array) -> Indices:
     _, first, counts = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True, return_counts=True)
     if (counts > 1).any():
         a, b = pairs[first[np.argmax(counts > 1)]]
-        raise BodyError(f"springs: vertices {a} and {b} are joined twice; give one spring with the sum of the stiffness")
+        raise BodyError(
+            f"springs: vertices {a} and {b} are joined twice; give one spring with the sum of the stiffness"
+        )
     apart = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
     if apart.min() < 1e-9:
         row = int(np.argmin(apart))
-        raise BodyError(f"springs: row {row} joins vertices {pairs[row, 0]} and {pairs[row, 1]}, which are in one place")
+        raise BodyError(
+            f"springs: row {row} joins vertices {pairs[row, 0]} and {pairs[row, 1]}, which are in one place"
+        )
     return pairs
 
 
@@ -167,10 +170,9 @@ def _each(values: ArrayLike, unit: str, name: str, count: int, what: str, *, zer
     good = np.isfinite(numbers) & ((numbers >= 0.0) if zero else (numbers > 0.0))
     if not good.all():
         row = int(np.argmin(good))
-        where = f" {row}" if given.ndim == 1 else ""
-        must = "must not be negative" if zero else "must be positive"
-        singular = {"springs": "spring", "vertices": "vertex"}[what]
-        raise BodyError(f"{name}: {numbers[row]:g} {unit} of {singular}{where} {must}".replace(f"{singular} {must}", must))
+        where = f" of {_ONE[what]} {row}" if given.ndim == 1 else ""
+        rule = "must not be negative" if zero else "must be positive"
+        raise BodyError(f"{name}: {numbers[row]:g} {unit}{where} {rule}")
     return np.ascontiguousarray(np.broadcast_to(numbers.reshape(-1) if given.ndim else numbers[0], count), dtype=float)
 
 
@@ -243,7 +245,9 @@ def _check_parts(pairs: Indices, still: Flags) -> None:
     loose = np.setdiff1d(part, part[still])
     if loose.size:
         vertex = int(np.argmax(part == loose[0]))
-        raise BodyError(f"springs: vertex {vertex} belongs to a part without a fixed vertex; fix it, or join it to the rest")
+        raise BodyError(
+            f"springs: vertex {vertex} belongs to a part without a fixed vertex; fix it, or join it to the rest"
+        )
 
 
 def _check_balance(network: SpringNetwork, still: Flags) -> None:
@@ -254,8 +258,8 @@ def _check_balance(network: SpringNetwork, still: Flags) -> None:
     if force.max() > _UNBALANCED * largest + 1e-12 * float((network.stiffness * distance).max()):
         vertex = int(np.argmax(force))
         raise BodyError(
-            f"rest_lengths: the springs pull vertex {vertex} by {force[vertex]:.3g} N at rest; give points at which they "
-            "balance, or leave out rest_lengths"
+            f"rest_lengths: the springs pull vertex {vertex} by {force[vertex]:.3g} N at rest; give points at which "
+            "they balance, or leave out rest_lengths"
         )
 
 
@@ -263,7 +267,9 @@ def _compliance(network: SpringNetwork, still: Flags, faces: Indices, nodes: Ind
     """Return the displacement of the nodes' patches per force on them (3n, 3n), m/N; raise BodyError of a mechanism."""
     free = np.flatnonzero(np.repeat(~still, 3))
     if 16.0 * len(free) * 3 * len(nodes) > _MAX_MEMORY:
-        raise BodyError("triangles: the compliance of so many vertices needs more than 4 GB; use a smaller contact surface")
+        raise BodyError(
+            "triangles: the compliance of so many vertices needs more than 4 GB; use a smaller contact surface"
+        )
     stiffness = network.matrix[free][:, free].tocsc()
     _check_mechanism(stiffness, free)
     begin, vertices, weights = contact_patches(network.points, faces, nodes)

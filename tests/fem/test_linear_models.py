@@ -156,6 +156,27 @@ def test_a_sweep_over_a_relaxing_body_loses_energy(body: Body) -> None:
     assert work > 0.0
 
 
+@pytest.mark.parametrize(
+    ("size", "spacing", "count"), [((24e-3, 24e-3, 12e-3), 6e-3, 12), ((18e-3, 18e-3, 6e-3), 6e-3, 4)]
+)
+def test_residual_vectors_of_loads_that_span_a_small_body_are_its_higher_modes(
+    size: tuple[float, float, float], spacing: float, count: int
+) -> None:
+    """They complete the modes to all motions: no frequency is below its own, and the compliance is the body's."""
+    top = half_space("z", ">", size[2] - 1e-9)
+    data = bodies.build(block(size, spacing), young=20e3, fixed=BOTTOM, touch=top, order=1, modes=count).contents
+    dense = Elements(block(size, spacing), Material(20e3), [BOTTOM], top, order=1)
+    free = dense.free
+    stiffness, mass = (matrix[free][:, free].toarray() for matrix in (dense.stiffness, dense.mass))
+    squares = eigh(stiffness, mass, eigvals_only=True)
+    frequencies = np.sort(np.concatenate([data.frequencies, data.residual_frequencies]))
+    assert len(frequencies) <= len(free)
+    assert (frequencies >= np.sqrt(squares[: len(frequencies)]) * (1.0 - 1e-6)).all()  # Rayleigh and Ritz: from above
+    shapes = np.hstack([data.shapes, data.residual_shapes]).astype(float)
+    softness = shapes / np.concatenate([data.frequencies, data.residual_frequencies]) ** 2 @ shapes.T
+    assert np.abs(softness - data.compliance).max() < 1e-5 * np.abs(data.compliance).max()
+
+
 def test_modes_come_back_from_a_file_and_their_absence_is_told(body: Body, tmp_path: Path) -> None:
     again = Body.load(body.save(tmp_path / "b.h5"))
     assert np.array_equal(again.contents.shapes, body.contents.shapes)

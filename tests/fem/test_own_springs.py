@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from palpate.cli.body import _rows
 from palpate.fem import Body, BodyError, build_springs, load
 from palpate.simulation import simulate
 
@@ -238,6 +239,13 @@ def test_a_body_of_springs_comes_from_a_file_and_runs_in_a_scenario(tmp_path: Pa
     assert np.array_equal(again.compliance, body.compliance)
     trace = simulate(scenario(tmp_path / "net.h5"))
     assert trace["touching"].any()
+
+
+def test_its_rows_state_springs_and_masses() -> None:
+    rows = dict(_rows(build_springs(**{**lattice(), "stiffness": 20.0, "masses": "0.5 g"})))
+    assert rows["springs"].endswith(", 20 N/m")
+    assert rows["vertices"] == "64, 32 g, 16 fixed"
+    assert "material" not in rows
 
 
 def scenario(file: Path) -> dict[str, Any]:

@@ -70,6 +70,25 @@ def test_creep_is_the_standard_linear_solid(block: Path) -> None:
     np.testing.assert_allclose(found.one_tick[0, 0], d, rtol=1e-5)
 
 
+@pytest.mark.parametrize(("law", "ratio"), [({"hardening_strain": 0.02}, 1.2), ({"exponent": -60.0}, 0.9)])
+def test_nonlinear_springs_answer_with_their_tangent_at_the_depth(
+    block: Path, law: dict[str, float], ratio: float
+) -> None:
+    """Not with the stiffness of small displacements: the differences of forces at rest, 1 um apart."""
+    found = body_response(held(block, "mass_spring", rayleigh_beta="2 ms", **law))
+    body = fem.load(block).mass_spring(PERIOD, rayleigh_beta=2e-3, **law)
+
+    def force(depth: float) -> float:
+        body.core.reset()
+        down = np.append(np.linspace(0.0, depth, 100), np.full(3000, depth))
+        path = np.array([0.012, 0.012, 0.012]) - down[:, None] * [0.0, 0.0, 1.0]
+        return float(body.simulate_path(path, 0.04, outward=[0, 0, 1], tip="flat").force[-1, 2])
+
+    tangent = (force(DEPTH + 1e-6) - force(DEPTH - 1e-6)) / 2e-6
+    assert found.static[0, 0] == pytest.approx(tangent, rel=1e-3)
+    assert (tangent / (force(1e-6) / 1e-6) - ratio) * np.sign(ratio - 1.0) > 0.0
+
+
 def test_modes_answer_as_their_oscillators_under_a_held_force(block: Path) -> None:
     """States of every mode, exact for forces held over a tick, and the residual compliance without inertia."""
     beta = 1e-3

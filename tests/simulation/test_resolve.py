@@ -145,6 +145,29 @@ def test_bodies_whose_supports_change_run_alike(
     assert np.any(np.fromfile(tmp_path / "rows").reshape(201, -1)[130:] != rows[130:])
 
 
+def test_a_body_of_springs_runs_alike(program: Path, tmp_path: Path) -> None:
+    """A stretched grid of 8 x 8 threads, without volumes; pressed by a flat end."""
+    side, step = 9, 5e-3
+    x, y = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
+    at = np.arange(side * side).reshape(side, side)
+    threads = [(at[:-1], at[1:]), (at[:, :-1], at[:, 1:])]
+    a, b, c, d = (corner.ravel() for corner in (at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]))
+    fem.build_springs(
+        step * np.stack([x.ravel(), y.ravel(), 0 * x.ravel() + 4.0], axis=1),
+        np.concatenate([np.stack([one.ravel(), two.ravel()], axis=1) for one, two in threads]),
+        stiffness="300 N/m",
+        rest_lengths=0.8 * step,
+        damping="0.02 N*s/m",
+        masses="0.2 g",
+        fixed=((x % (side - 1) == 0) | (y % (side - 1) == 0)).ravel(),
+        triangles=np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]),
+        output=tmp_path / "net.h5",
+    )
+    check(program, press(tmp_path / "net.h5", kind="mass_spring", exponent=3), tmp_path / "loop")
+    rows = np.fromfile(tmp_path / "rows").reshape(201, -1)
+    assert rows[:, -7].max() >= 3  # contact nodes
+
+
 @pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
 @pytest.mark.parametrize("friction", [{}, {"static_friction": 0.5, "dynamic_friction": 0.4}])
 def test_hyperelastic_bodies_run_alike(

@@ -160,12 +160,14 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
     import numpy as np
 
     from palpate.contact.diagnosis import format_size
+    from palpate.fem.storage import SPRINGS
 
     record = body.record.get
     x, y, z = np.ptp(body.points, axis=0).tolist()
-    volume = "" if body.is_network else f", {1e6 * record('volume_m3', 0.0):.4g} cm³"
+    network = record("method") == SPRINGS
+    volume = "" if network else f", {1e6 * record('volume_m3', 0.0):.4g} cm³"
     yield "size", f"{format_size((x, y, z))}{volume}"
-    if body.is_network:
+    if network:
         yield from _network_rows(body)
         return
     young = (body.contents.young if len(body.contents.young) else np.array([record("young_Pa", 0.0)])) / 1e3

@@ -183,7 +183,7 @@ class IndentableBody(CondensedBody):
         normal = area_vectors(self.surface.vertices, self.surface.triangles[face[:1]])[0]
         normal /= np.linalg.norm(normal)
         thick = float(np.ptp(self.points @ normal))
-        if deep > thick:
+        if deep > thick and not self.is_network:  # a membrane has no thickness
             raise BodyError(
                 f"depth: {1e3 * deep:.3g} mm exceeds the {1e3 * thick:.3g} mm of the body along the press: use a "
                 "smaller depth"

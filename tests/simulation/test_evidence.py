@@ -293,11 +293,12 @@ def state(**change: Any) -> State:
 STEADY = {"early": 1e-6, "prior": 1e-6, "late": 1e-6, "swing": 2e-5, "swing_before": 2e-5, "ripple": 2e-5, "linear": 0,
           "ripple_before": 2e-5}  # fmt: skip
 SMALL = {"swing": 1.5e-6, "ripple": 1.5e-6, "ripple_before": 1e-6}
-# An oscillation by 15 um within two counts of 0.1 mm, on a surface with friction.
-SHAKEN = {"linear": 0, "swing": 1.5e-5, "swing_before": 1.5e-5, "ripple": 1.5e-5, "ripple_before": 1.5e-5,
-          "trend": 0.0, "resolution": 1e-4, "rubs": True}  # fmt: skip
+# Encoder counts of 0.1 mm shake a contact with friction, whose force fluctuates by 20 % under an arm.
+SHAKEN = {"linear": 0, "trend": 0.0, "resolution": 1e-4, "fluctuation": 0.2, "traction": 0.1, "release": 2e-4}
 # The same beside a stable linear loop whose slowest motion decays to 0.09 per fifth.
-SUSTAINED = {"linear": 1, "decay": 0.09, "late": 1e-8, "shift_ratio": 0.2}
+SUSTAINED = {**SHAKEN, "linear": 1, "decay": 0.09, "late": 1e-8}
+# The same without an arm's spring, and under a force that hardly fluctuates.
+UNHELD = {**SHAKEN, "fluctuation": 0.01, "traction": 0.5, "release": np.inf}
 
 
 @pytest.mark.parametrize(
@@ -342,14 +343,14 @@ SUSTAINED = {"linear": 1, "decay": 0.09, "late": 1e-8, "shift_ratio": 0.2}
         ({"decay": 0.8, "shift_fifths": 2}, "shift", 2.81e-5, 2.82e-5, State.UNDECIDED),
         ({"linear": 0, "shift_ratio": 0.5}, "shift", 4.99e-5, 5.01e-5, State.UNDECIDED),
         ({"linear": 0, "shift": 1.9e-5, "shift_ratio": 1.5}, "resolution", 9.6e-5, 9.4e-5, State.UNDECIDED),
-        (SHAKEN | {"shift": 5e-6}, "swing", 0.99e-5, 1.01e-5, State.UNDECIDED),
-        (SHAKEN, "shift", 0.99e-6, 1.01e-6, State.UNDECIDED),
-        (SHAKEN | {"shift": 0.0, "prior": 9e-9}, "late", 0.99e-8, 1.01e-8, State.UNDECIDED),
-        (SHAKEN | {"shift": 5e-6}, "rubs", False, True, State.UNDECIDED),
-        (SHAKEN | {"shift": 5e-6}, "linear", 1, 0, State.UNDECIDED),
-        (SHAKEN | SUSTAINED, "shift", 0.99e-5, 1.01e-5, State.UNDECIDED),
-        (SHAKEN | SUSTAINED | {"shift": 1.1e-5}, "late", 2.99e-9, 3.01e-9, State.UNDECIDED),
-        (SHAKEN | {"shift": 5e-6}, "kept", 0.1, np.nan, State.UNDECIDED),
+        (SHAKEN, "fluctuation", 0.149, 0.151, State.UNDECIDED),
+        (SHAKEN, "release", 0.99e-4, 1.01e-4, State.UNDECIDED),
+        (SHAKEN, "resolution", 0.0, 1e-4, State.UNDECIDED),
+        (SHAKEN, "kept", 0.1, np.nan, State.UNDECIDED),
+        (SUSTAINED, "late", 2.99e-9, 3.01e-9, State.UNDECIDED),
+        (UNHELD, "traction", 0.399, 0.401, State.UNDECIDED),
+        (UNHELD, "release", 1e3, np.inf, State.UNDECIDED),
+        (UNHELD, "linear", 1, 0, State.UNDECIDED),
         ({}, "linear", 1, -1, State.UNSTABLE),
     ],
 )  # fmt: skip

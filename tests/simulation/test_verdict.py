@@ -513,69 +513,6 @@ def test_of_the_guards_only_an_energy_bound_stabilizes_a_bilinear_damper(guard: 
     assert verdict.state is expected
 
 
-# Evidence of random runs on bodies with friction; the later motion in 15 times the run is in bands of rest.
-SLIPPED = {
-    "2.9 mm on a mass-spring body, later bouncing": {
-        "early": 1e-6, "prior": 1e-6, "late": 1.47e-6, "swing": 1.96e-5, "shift": 4.4e-6, "deflection": 5.64e-4,
-        "resolution": 1.15e-4,
-    },
-    "0.6 mm on vibration modes": {
-        "early": 1e-6, "prior": 1e-6, "late": 1.22e-6, "swing": 2.35e-5, "shift": 2.1e-6, "deflection": 5.61e-4,
-        "resolution": 1.12e-4,
-    },
-    "0.2 mm on a mass-spring body": {
-        "early": 1e-6, "prior": 1e-6, "late": 1.08e-6, "swing": 2.05e-5, "shift": 2.16e-5, "deflection": 6.21e-4,
-        "resolution": 1.28e-4,
-    },
-    "0.14 mm by signed distance": {
-        "early": 2.23e-5, "prior": 1.81e-5, "late": 1.23e-5, "swing": 2.55e-5, "shift": 3.24e-6, "deflection": 3.72e-4,
-        "resolution": 1.04e-4,
-    },
-    "1.9 mm on vibration modes, beside a stable linear loop": {
-        "early": 2.6e-6, "prior": 2.28e-6, "late": 2.73e-6, "swing": 1.75e-5, "shift": 1.27e-4, "shift_ratio": 0.62,
-        "deflection": 1.48e-4, "resolution": 1.12e-4, "linear": 1, "decay": 0.129,
-    },
-    "0.4 mm on vibration modes, beside a stable linear loop": {
-        "early": 9e-7, "prior": 1.31e-6, "late": 1.16e-6, "swing": 1.96e-5, "shift": 1.76e-5, "shift_ratio": 0.71,
-        "deflection": 4.75e-4, "resolution": 1.17e-4, "linear": 1, "decay": 0.296,
-    },
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("later", SLIPPED)
-def test_counts_that_shake_a_contact_with_friction_do_not_leave_it_settled(later: str) -> None:
-    values = {**SLIPPED[later], "unstable_from": np.nan, "local": True, "lossy": True}
-    values |= {"ripple": values["swing"], "ripple_before": values["swing"], "swing_before": values["swing"]}
-    for rubs, state in ((True, State.UNDECIDED), (False, State.SETTLED)):
-        assert State(int(decide(Evidence.of(1, **values, rubs=rubs))[0])) is state
-
-
-def test_a_run_whose_counts_shake_a_contact_with_friction_names_it() -> None:
-    """A press by 0.84 N beside 0.66 N along the surface of a body."""
-    tables = {
-        "device": {"name": "phantom-premium-1.5a", "encoder": True},
-        "start": {"pose": ["-0.00187 rad", "2.42897 rad", "3.04524 rad"]},
-        "servo": {"period": "1.58884 ms", "topology": "impedance_display"},
-        "operator": {
-            "kind": "arm", "mass": "0.193 kg", "damping": "0.528 N*s/m", "stiffness": "101.5 N/m",
-            "tissue_stiffness": "1206 N/m", "tissue_damping": "3.776 N*s/m",
-            "shape": "ramp", "rise": "37.3 ms", "force": ["0.623 N", "0.223 N", "-0.842 N"],
-        },
-        "object": {
-            "kind": "body",
-            "position": ["0 mm", "0 mm", "-0.2 mm"],
-            "body": {
-                "shape": "block", "size": ["24 mm", "24 mm", "12 mm"], "young": "113.6 kPa", "spacing": "4 mm",
-                "kind": "signed_distance", "tip": "flat", "radius": "7.98 mm", "static_friction": 0.984,
-            },
-        },
-        "run": {"duration": "0.9 s"},
-    }  # fmt: skip
-    verdict = palpate.simulate(tables).verdict
-    assert verdict.state is State.UNDECIDED
-    assert "within two encoder counts, in which a contact with friction may slip on" in verdict.reason
-
-
 def test_friction_of_any_object_of_a_scene_hides_what_its_linear_loop_does() -> None:
     rough = {"kind": "mesh", "mesh": {"shape": "box", "edge": "20 mm", "divisions": 2}}
     for friction in (0.0, 0.3):

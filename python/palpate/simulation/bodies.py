@@ -95,6 +95,18 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
     return False
 
 
+def surface_normal(trace: Recorded, row: int) -> Array | None:
+    """Return the normal (3,) of a trace's body at the node nearest to the tip at sample `row`, device frame.
+
+    It is that of the body at rest. None for several objects or a moving one, and if the body is no longer there.
+    """
+    if (found := _recorded_body(trace)) is None or found[0].objects is not None or found[0].object.frame is not None:
+        return None
+    scenario, choice, body = found
+    nearest = np.argmin(np.linalg.norm(body.nodes - _tip_in_body(trace, scenario, body)[row], axis=1))
+    return np.asarray(Rotation.from_euler("xyz", choice.rotation).apply(body.normals[nearest]))
+
+
 def _recorded_body(trace: Recorded) -> tuple[Scenario, BodyChoice, Body] | None:
     """Return the scenario of a trace, its choice of a body and the body, or None if there is none or it is gone."""
     try:

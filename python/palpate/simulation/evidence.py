@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from palpate.devices import Device
 from palpate.devices.reach import beyond_reach, unreachable
 from palpate.scenario import Scenario
 from palpate.simulation.energy_balance import energy_balance, frame_channels
+from palpate.simulation.friction_hold import arm_spring, friction_hold, friction_of
 from palpate.simulation.linear_evidence import linear_sign
 from palpate.simulation.recorded import Recorded, held_tip, of_each_object
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
@@ -38,15 +40,12 @@ __all__ = [
 
 def lossy(scenario: Scenario, device: Device) -> bool:
     """Return whether dry friction, encoder counts or drive limits may hide what the linear loop does."""
-    return scenario.device.encoder or scenario.device.saturation or bool(np.any(device.coulomb)) or _rubs(scenario)
-
-
-def _rubs(scenario: Scenario) -> bool:
-    """Return whether the surface of a mesh or body of the scenario has dry friction."""
-    objects = [one.object for one in scenario.each_object.values()]
-    surfaces = [one.surface.static_friction for one in objects if one.surface is not None]
-    bodies = [float(one.body.options.get("static_friction", 0.0)) for one in objects if one.body is not None]
-    return any(friction > 0.0 for friction in (*surfaces, *bodies))
+    return (
+        scenario.device.encoder
+        or scenario.device.saturation
+        or bool(np.any(device.coulomb))
+        or friction_of(scenario) > 0.0
+    )
 
 
 def resolution(scenario: Scenario, device: Device, angles: ArrayLike) -> Array:
@@ -136,7 +135,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
         "pressed": one_sided and _pressed(trace, scenario, touching, last),
         "apart": _apart(trace, touching) if one_sided else 0.0,
         "local": any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values()),
-        "rubs": _rubs(scenario),
+        **_friction(trace, scenario, ending),
         "lossy": lossy(scenario, device) or others > 0.0,
         "generated": generated,
         "generated_before": generated_before,
@@ -144,6 +143,12 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
         "creep": _creep(trace, scenario, window, deflection, touching),
         "drift": _drift(trace, ending) if scenario.reference is not None or "tool" in trace else np.nan,
     }
+
+
+def _friction(trace: Recorded, scenario: Scenario, ending: slice) -> dict[str, float]:
+    """Return the evidence about the friction of a run's contact; {} without it."""
+    hold = friction_hold(trace, scenario, ending)
+    return {} if hold is None else asdict(hold)
 
 
 def moved_until(trace: Recorded, scenario: Scenario) -> int:
@@ -180,11 +185,7 @@ def _creep(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
 
 def _arm_stiffness(scenario: Scenario) -> float:
     """Return the stiffness of the arm against a slow motion of a display's tip, N/m; 0 where the force is imposed."""
-    operator = scenario.operator
-    if operator.kind != "arm" or scenario.servo.topology != "impedance_display" or not operator.stiffness:
-        return 0.0
-    tissue = operator.tissue_stiffness
-    return operator.stiffness if tissue is None else operator.stiffness * tissue / (operator.stiffness + tissue)
+    return arm_spring(scenario) if scenario.servo.topology == "impedance_display" else 0.0
 
 
 def _tool_error(trace: Recorded, ending: slice, deflection: Array, counts: float) -> float:

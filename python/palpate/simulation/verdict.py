@@ -41,8 +41,8 @@ LASTING = 0.95  # largest factor per fifth by which a trend is taken to decay wh
 FAST = 0.1  # factor per fifth of the linear loop's slowest motion below which it does not explain a lasting trend
 TREND = 1.5  # ripple over swing above which a motion has a trend; an oscillation of a period per fifth has less
 WANDERS = 0.2  # of two encoder counts: shift of that mean which chatter explains where no linear loop is known
-SHAKEN = 0.1  # of two encoder counts: oscillation above which counts may move a contact with friction on
-SLIPS, SLIPS_LINEAR = 100, 10  # fifths for which it is taken to slip on at the rate of its mean; beside a stable loop
+SHAKEN = 0.15  # of its mean: fluctuation of a contact's force by encoder counts above which friction lets it slip
+HELD = 0.4  # of the friction force: force along a surface above which a tip that nothing else holds may slip
 CHATTER = 0.5  # of two encoder counts: oscillation above which it may be a growing one where no linear loop is known
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
@@ -180,7 +180,7 @@ class Evidence:
         decay: factor of the linear loop's slowest motion per fifth of the window; nan if unknown.
         kept: response to a push in the last fifth of the window, relative to that in the first; nan without a push.
         local: whether the linear loop holds near the tip's place alone: on a mesh or body.
-        rubs: whether the object's surface has dry friction.
+        fluctuation, traction, release: of a contact with dry friction, as in `FrictionHold`; nan without one.
         lossy: whether dry friction, encoder counts or drive limits may hide what the linear loop does.
         generated: energy that an impedance display generates in the last fifth, relative to that which the operator
             supplies (`EnergyBalance`); nan if unknown.
@@ -216,7 +216,9 @@ class Evidence:
     decay: Array
     kept: Array
     local: NDArray[np.bool_]
-    rubs: NDArray[np.bool_]
+    fluctuation: Array
+    traction: Array
+    release: Array
     lossy: NDArray[np.bool_]
     generated: Array
     generated_before: Array
@@ -225,7 +227,8 @@ class Evidence:
     def of(cls, count: int, **values: Any) -> Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
         names = ("ripple_before", "swing_before", "shift", "shift_ratio", "error", "drift", "decay", "kept")
-        unknown = dict.fromkeys((*names, "generated", "generated_before"), np.nan)
+        friction = ("fluctuation", "traction", "release")
+        unknown = dict.fromkeys((*names, *friction, "generated", "generated_before"), np.nan)
         none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear", "creep"), 0)
         swing = values.get("swing", values["ripple"])
         before = values.get("ripple_before", np.nan) - values.get("swing_before", np.nan)
@@ -241,7 +244,6 @@ class Evidence:
             "beyond": False,
             "constant": True,
             "local": False,
-            "rubs": False,
             "lossy": False,
         }
         return cls(**{name: np.broadcast_to(value, (count,)) for name, value in {**defaults, **values}.items()})
@@ -283,11 +285,18 @@ def ahead(e: Evidence) -> Array:
 def _explained(e: Evidence, ratio: Array) -> NDArray[np.bool_]:
     """Return whether the linear loop's slowest motion explains motions (n,) with a `ratio` per fifth.
 
-    It does not if it is far too fast, as for a tip that slides on, or if the tip speeds up on a mesh or body.
+    It does not if it is far too fast, as for a tip that slides on, or if the tip speeds up on a mesh or body. Nor does
+    it if encoder counts shake a contact with friction.
     """
     with np.errstate(invalid="ignore"):
         slow = (e.local & (ratio >= 1.0)) | ((e.decay < FAST) & (ratio > np.sqrt(np.sqrt(e.decay))))
-    return np.asarray((e.linear > 0) & ~slow, dtype=bool)
+    shaken = ~np.isnan(e.release) & (e.resolution > 0.0) & _outlasts(e)
+    return np.asarray((e.linear > 0) & ~slow & ~shaken, dtype=bool)
+
+
+def _outlasts(e: Evidence) -> NDArray[np.bool_]:
+    """Return whether oscillations (n,) outlast the slowest motion of the linear loop; true without a stable one."""
+    return np.asarray((e.linear <= 0) | (e.late > np.sqrt(e.decay) * e.prior), dtype=bool)
 
 
 def _remaining(e: Evidence, motion: Array, ratio: Array, fifths: NDArray[np.int_] | int = 1) -> Array:
@@ -314,15 +323,14 @@ def chatters(e: Evidence) -> NDArray[np.bool_]:
 def slips(e: Evidence) -> NDArray[np.bool_]:
     """Return whether encoder counts may move tips (n,) on along a surface with dry friction.
 
-    The oscillation within the counts lets the contact slip a little in each period, at an unsteady rate that need not
-    decay. A stable linear loop is no evidence against it where the oscillation outlasts that loop's slowest motion. The
-    response to a push is judged by itself.
+    An oscillation within the counts lets the contact slip a little in each period, at an unsteady rate that need not
+    decay. It does so where the contact's force fluctuates much, up to the rest without friction, and where friction
+    alone holds the tip along the surface. A stable linear loop is no evidence against it where the oscillation outlasts
+    that loop's slowest motion. The response to a push is judged by itself.
     """
-    shaken = e.rubs & np.isnan(e.kept) & (e.resolution > 0.0) & (e.swing > SHAKEN * e.resolution)
-    stable = e.linear > 0
-    sustained = ~stable | (e.late > np.sqrt(e.decay) * e.prior)
-    lasts = np.where(stable, SLIPS_LINEAR, SLIPS) * e.shift > _band(e)
-    return np.asarray(shaken & sustained & (lasts | (~stable & (SUSTAINED * e.late > e.prior))), dtype=bool)
+    shaken = _outlasts(e) & (e.fluctuation > SHAKEN) & (e.release > _band(e))
+    unheld = (e.linear <= 0) & np.isinf(e.release) & (e.traction > HELD)
+    return np.asarray((e.resolution > 0.0) & np.isnan(e.kept) & (shaken | unheld), dtype=bool)
 
 
 def _band(e: Evidence) -> Array:

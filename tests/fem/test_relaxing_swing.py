@@ -198,3 +198,22 @@ def test_scenarios_take_both_and_linear_analyses_refuse_them() -> None:
     assert both.object.body.options["instantaneous_ratio"] == 2.0
     with pytest.raises(StabilityError, match="does not take corotational with inertia"):
         HeldTip(both, np.zeros((1, 3)))
+
+
+@both_laws
+@pytest.mark.parametrize("memory", ["inertia", "relaxation", "both"])
+def test_a_body_that_has_come_to_rest_gives_a_tip_that_left_no_force(law: Law, memory: str) -> None:
+    """The energy that it may return is zero to rounding, which may be negative."""
+    body = build(block((0.04, 0.04, 0.02), 0.01), young=20e3, fixed=BOTTOM, touch=half_space("z", ">", 0.02 - 1e-9))
+    inertia = {"density": 1000.0, "rayleigh_beta": 2e-3}
+    relaxation = {"instantaneous_ratio": 2.5, "retardation_time": 0.02}
+    options = {"inertia": inertia, "relaxation": relaxation, "both": inertia | relaxation}[memory]
+    t = np.arange(2000)
+    height = np.interp(t, [0, 50, 150, 170], [0.022, 0.018, 0.018, 0.03])
+    path = np.stack([0 * t + 0.02, 0 * t + 0.02, height], axis=1)
+    model = body.hyperelastic("1 ms", law=law, update_interval="5 ms", **options)
+    history = model.simulate_path(path, 0.008, outward=(0, 0, 1), tip="flat")
+    assert history.force[100, 2] > 1.0
+    assert (history.force[200:] == 0.0).all()
+    assert np.isfinite(history.energy).all()
+    assert (history.energy > -1e-12).all()

@@ -116,7 +116,7 @@ class QuasiStaticSolver {
     const bool is_balanced = relative_residual() < max_unbalanced;
     if (!is_dynamic()) model_.begin_step(horizon());
     next_.has_memory = has_memory();
-    next_.returnable = state_energy_;
+    next_.returnable = std::max(state_energy_, 0.0);  // not below by rounding
     if (has_inverted() || !model_.is_bounded()) {
       current_.inverted = true;
       current_.returnable = next_.returnable;

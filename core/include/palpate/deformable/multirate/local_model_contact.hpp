@@ -62,7 +62,7 @@ class LocalModelContact {
       if (iteration > 0 && now > 0.5 * before && now < step_tolerance) break;  // round-off
       before = now;
     }
-    finish(energy, error(round_off_length) <= acceptable && pressed_.is_complete());
+    finish(energy, std::isfinite(energy) && error(round_off_length) <= acceptable && pressed_.is_complete());
     converged_ = before <= tolerance;
     return result_;
   }
@@ -153,7 +153,7 @@ class LocalModelContact {
     last_tips_ = *tips_;
   }
 
-  /// Sum of |F - f|, less the round-off by a position, over the sum of |F|.
+  /// Sum of |F - f|, less the round-off by a position, over the sum of |F|; not a number if a force is none.
   [[nodiscard]] double error(double position) noexcept {
     float error = 0.0F, total = 0.0F;
     for (std::size_t i = 0; i < size(); ++i) {
@@ -162,7 +162,7 @@ class LocalModelContact {
     }
     total_force_ = static_cast<double>(total);
     const double beyond = static_cast<double>(error) - position * total_stiffness_;
-    return beyond > 0.0 ? beyond / (total_force_ + 1e-12) : 0.0;
+    return beyond <= 0.0 ? 0.0 : beyond / (total_force_ + 1e-12);
   }
 
   /// Displacement of a node by the forces alone, m.

@@ -119,7 +119,7 @@ class BasicPassiveModelSwitch {
   void leave(const Model& model) noexcept {
     const double level = models_since_contact_ > 1 ? std::min(tank_.level, model.returnable) : tank_.level;
     tank_ = {};
-    if (model.has_memory) tank_.level = level;
+    if (model.has_memory) tank_.level = std::max(level, 0.0);
   }
 
   const MultiTipResult& solve(ModelBuffer& models, int slot, const TipPair& tips) noexcept {
@@ -182,7 +182,7 @@ class BasicPassiveModelSwitch {
         fit_energy(models, current_, tips, scale, unlimited);
     }
     const double rise = b.energy - a.energy;
-    tank_.empty = more * rise > tank_.level + round_off * b.energy;
+    tank_.empty = rise > 0.0 && more * rise > tank_.level + round_off * b.energy;
     const double step = tank_.empty ? tank_.level / rise : more;
     tank_.level = std::max(tank_.level - step * rise, 0.0);
     tank_.blend += step;

@@ -3,12 +3,13 @@
 A mutant is one small change: another comparison, sign, operator, constant or order of arguments, a dropped statement or
 guard. First each test file runs once in a copy of the repository, to record the time of its tests and the functions
 that they enter; build/mutate keeps these records until the test file changes. Then a mutant meets the tests that enter
-its function, first those of the folder that mirrors its own, until one fails. A mutant that no test notices survives;
-some survivors are equivalent. A test that fails without the mutant too is left out. Tests that use five times their
-processor time and 30 s more count as "hang"; those that merely wait longer count as "timeout", which is no result.
-One process runs at low priority. It collects all tests once and forks for each mutant, whose code replaces that of the
-live function; a mutant outside of functions is written to the copy instead, as is one that survives in a function that
-makes others.
+its function, first those of the folder that mirrors its own, until one fails. A mutant that no test notices survives.
+Survivors that change no result are listed with the reason in equivalent_mutants.toml. They meet the tests like all
+others; both rates are printed, and a listed mutant that a test notices is an error of the list. A test that fails
+without the mutant too is left out. Tests that use five times their processor time and 30 s more count as "hang"; those
+that merely wait longer count as "timeout", which is no result. One process runs at low priority. It collects all tests
+once and forks for each mutant, whose code replaces that of the live function; a mutant outside of functions is written
+to the copy instead, as is one that survives in a function that makes others.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import subprocess
 import sys
 import threading
 import time
+import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Callable, Generator
 from pathlib import Path
@@ -47,6 +49,7 @@ OWN: Final = {"palpate", "experiments", "benchmarks", "tests"} | {
     file.stem for file in Path(__file__).parent.glob("*.py")
 }
 FAILED: Final = "failed-test.txt"  # in the copy
+EQUIVALENT: Final = Path(__file__).with_name("equivalent_mutants.toml")
 Place = tuple[str, str]  # file in the package, qualified name of a function
 
 
@@ -311,6 +314,37 @@ def judge(copy: Path, mutant: Mutant, tests: dict[str, Any], items: dict[str, py
     return result
 
 
+def listed_as_equivalent() -> set[tuple[str, str, str, str]]:
+    """Return file in the package, function, old and new lines of each mutant that is listed to change no result."""
+    listed = tomllib.loads(EQUIVALENT.read_text("utf-8"))
+    return {
+        (file, one["function"], one["old"], one["new"])
+        for file, entries in listed.items()
+        for one in entries
+        if one["reason"]
+    }
+
+
+def key_of(mutant: Mutant, data: bytes) -> tuple[str, str, str, str]:
+    """Return the entry that lists a mutant of a file with these bytes; its lines are those before and after."""
+    function = mutant.functions[0].removesuffix("()") if len(mutant.functions) == 1 else ""
+    start, stop = data.rfind(b"\n", 0, mutant.begin) + 1, (data + b"\n").index(b"\n", mutant.end)
+    changed = data[start : mutant.begin] + mutant.text.encode() + data[mutant.end : stop]
+    old, new = (" ".join(lines.decode().split()) for lines in (data[start:stop], changed))
+    return str(Path(mutant.file).relative_to(PACKAGE)), function, old, new
+
+
+def summary(name: str, counts: Counter[str]) -> tuple[float, str]:
+    """Return the share of the mutants that tests notice, among those that may change a result, and a sentence [%]."""
+    noticed = counts["killed"] + counts["hang"]
+    known = counts.total() - counts["timeout"]
+    able = known - counts["equivalent"]
+    raw, rate = (100.0 * noticed / max(1, total) for total in (known, able))
+    rest = ", ".join(f"{count} {result}" for result, count in sorted(counts.items()) if result != "killed")
+    equivalent = f"; {rate:.0f} % of the {able} not listed as equivalent" if counts["equivalent"] else ""
+    return rate, f"{name}: {noticed} of {known} killed, {raw:.0f} %{equivalent}{f' ({rest})' if rest else ''}"
+
+
 class Collected:
     """Plugin of pytest that does other work with the collected tests in place of running them."""
 
@@ -349,6 +383,7 @@ def main() -> int:
     only = {PACKAGE / one for one in given.only or ["."]}
     wanted = [file for file in files if only & {file, *file.parents}]
     results: dict[str, Counter[str]] = defaultdict(Counter)
+    listed, wrong = listed_as_equivalent(), 0
     with TemporaryDirectory() as made:
         copy = Path(made).resolve()
         copy_repository(copy)
@@ -360,28 +395,31 @@ def main() -> int:
             sample = [mutant for mutant in pool if f"{mutant.file}:{mutant.line}" in lines]
 
         def work(items: dict[str, pytest.Item]) -> None:
+            nonlocal wrong
             for mutant in sample:
                 if time.monotonic() > end:
                     break
                 folder = Path(mutant.file).relative_to(PACKAGE).parts[0].removesuffix(".py")
                 result = judge(copy, mutant, tests, items, given.limit)
+                key = key_of(mutant, (copy / mutant.file).read_bytes())
+                if key in listed and result in ("killed", "hang"):
+                    wrong += 1
+                    place = f"{mutant.file}:{mutant.line}"
+                    print(f"listed as equivalent, but noticed: {place}: {key[2]} -> {key[3]}", flush=True)
+                elif key in listed and result != "timeout":
+                    result = "equivalent"
                 results[folder][result] += 1
                 print(f"{mutant.file}:{mutant.line} {result}", file=sys.__stderr__, flush=True)
                 if result != "killed":
-                    old = (copy / mutant.file).read_bytes()[mutant.begin : mutant.end].decode()
-                    print(
-                        f"{result}: {mutant.file}:{mutant.line}: {' '.join(old.split())} -> {mutant.text}", flush=True
-                    )
+                    print(f"{result}: {mutant.file}:{mutant.line}: {key[1]}: {key[2]} -> {key[3]}", flush=True)
 
         files = sorted({name.partition("::")[0] for name in tests})
         options = ["-q", "-s", "-p", "no:cacheprovider", f"--basetemp={copy / 'made'}", "--hypothesis-seed=1"]
         pytest.main([*options, *files], plugins=[Collected(work)])
     for folder, counts in [*sorted(results.items()), ("all", sum(results.values(), Counter()))]:
-        noticed, known = counts["killed"] + counts["hang"], counts.total() - counts["timeout"]
-        rate = 100.0 * noticed / max(1, known)
-        rest = ", ".join(f"{count} {result}" for result, count in sorted(counts.items()) if result != "killed")
-        print(f"{folder}: {noticed} of {known} killed, {rate:.0f} %{f' ({rest})' if rest else ''}")
-    return 0 if rate >= given.required else 1
+        rate, sentence = summary(folder, counts)
+        print(sentence)
+    return 0 if rate >= given.required and not wrong else 1
 
 
 if __name__ == "__main__":

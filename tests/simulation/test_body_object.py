@@ -328,7 +328,7 @@ BLOCK = (
             '[object.body]\nfile = "block.h5"\nradius = "8 mm"\nretardation_time = "2 s"',
             'line 13: unknown key "retardation_time"',
         ),
-        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nupdate_interval = "9 ms"', "only neo-hookean, corot"),
+        ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nnodes_per_tip = 8', "only neo-hookean, corot"),
         ('[object.body]\nfile = "block.h5"\nradius = "8 mm"\nyoung = "2 kPa"', "line 13: object.body.young has no mea"),
         (
             ON + 'kind = "viscoelastic"\ninstantaneous_ratio = 0.5\nretardation_time = "1 s"',

@@ -96,11 +96,12 @@ def test_a_held_tip_is_behind_the_flexible_mode() -> None:
 
 def test_external_forces_are_the_reference_and_those_of_the_operator() -> None:
     trace = still()
-    pushed = np.hstack([np.zeros((40, 3)), np.tile([0.5, 0.0, 0.0], (40, 1))])
+    """The seventh column counts the changes of the body's supports: none here."""
+    pushed = np.hstack([np.zeros((40, 3)), np.tile([0.5, 0.0, 0.0, 0.0], (40, 1))])
     np.testing.assert_array_equal(external_forces(trace, scenario()), pushed)
     reference = np.random.default_rng(0).normal(size=(40, 3))
     asked = Trace.of(trace.time, {"tip": trace["tip"], "reference_force": reference})
-    alone = np.hstack([reference, np.zeros((40, 3))])
+    alone = np.hstack([reference, np.zeros((40, 4))])
     np.testing.assert_array_equal(external_forces(asked, None), alone)
     np.testing.assert_array_equal(external_forces(asked, scenario(operator={"kind": "none"})), alone)
     np.testing.assert_array_equal(external_forces(asked, scenario()), alone + pushed)

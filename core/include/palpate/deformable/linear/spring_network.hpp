@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -187,7 +188,9 @@ class SpringNetwork {
   /// Sort the edges by their first vertex, and divide them in runs of one vertex.
   void arrange_springs() {
     std::vector<Edge> sorted = edges_;
-    std::stable_sort(sorted.begin(), sorted.end(), [](const Edge& a, const Edge& b) { return a.ends < b.ends; });
+    std::sort(sorted.begin(), sorted.end(), [](const Edge& a, const Edge& b) {
+      return std::tie(a.ends, a.rest_length, a.stiffness, a.damper) < std::tie(b.ends, b.rest_length, b.stiffness, b.damper);
+    });
     while (sorted.size() % (2 * lanes) != 0) sorted.push_back({sorted.back().ends, 1.0, 0.0, 0.0});
     ends_.clear();
     runs_.clear();

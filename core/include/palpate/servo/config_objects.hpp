@@ -140,7 +140,10 @@ template <class Model, class Make>
   {
     const Model model = make(nodes, period);
     if constexpr (requires { model.definite(); })
-      if (!model.definite()) from.fail("masses", "and volumes of a network must be positive");
+      if (!model.definite()) {
+        from.fail("masses", "and volumes of a network must be positive");
+        return nullptr;
+      }
     if (!from.has("update_interval")) return own(std::move(nodes), model, friction);
   }
   const auto interval = static_cast<int>(from.integer("update_interval", 1, 1'000'000));

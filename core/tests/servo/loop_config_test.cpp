@@ -268,16 +268,28 @@ TEST(LoopConfig, AFlexiblePlantMovesWithItsMode) {
             std::string::npos);
 }
 
-TEST(LoopConfig, AMotionNeedsIncreasingTimes) {
-  Files files = loop_folder::valid("moving_frame");
-  std::vector<double> motion(14, 0.0);
+/// A valid loop with an object of a kind, one array of which has other values.
+template <class T>
+Files with_array(const std::string& kind, const std::string& key, const std::vector<T>& values, std::size_t columns = 0) {
+  Files files = loop_folder::valid(kind), other;
   std::string& text = files["loop.json"];
-  Files other;
-  const std::string before = text.substr(text.find(R"("motion": )") + 10), blob = before.substr(0, before.find('}') + 1);
-  text.replace(text.find(blob), blob.size(), loop_folder::blob(other, "motion", motion, 7));
-  for (const auto& [name, content] : other) files[name] = content;
+  const std::string name = '"' + key + "\": ", after = text.substr(text.find(name) + name.size());
+  const std::string blob = after.substr(0, after.find('}') + 1);
+  text.replace(text.find(blob), blob.size(), loop_folder::blob(other, key, values, columns));
+  for (const auto& [file, content] : other) files[file] = content;
   loop_folder::seal(files);
+  return files;
+}
+
+TEST(LoopConfig, AMotionNeedsIncreasingTimes) {
+  const Files files = with_array("moving_frame", "motion", std::vector<double>(14, 0.0), 7);
   EXPECT_NE(load(files).error.find("object.motion has times that do not increase"), std::string::npos) << load(files).error;
+}
+
+TEST(LoopConfig, ANetworkNeedsPositiveMasses) {
+  const std::vector<double> masses(Cube(2).data.masses.size(), -1.0);
+  const std::string error = load(with_array("mass_spring", "masses", masses)).error;
+  EXPECT_NE(error.find("object.masses and volumes of a network must be positive"), std::string::npos) << error;
 }
 
 TEST(LoopConfig, LongAndUnprintableTextsDoNotReachTheSentence) {

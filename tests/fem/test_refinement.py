@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from palpate import Mesh, fem
 from palpate.contact.simplices import adjacent_faces, boundary, half_edges, volumes
-from palpate.fem import BodyError, Volume
+from palpate.fem import BodyError, Volume, builder
 from palpate.fem.closed_surface import ClosedSurface
+from palpate.fem.mesh_estimate import FineZone, estimate
 from palpate.fem.mesh_improvement import min_angles
 from palpate.fem.refinement import graded_size, refine
 from palpate.fem.volume import fill_surface
@@ -176,3 +177,28 @@ def test_a_mesh_that_would_be_too_large_is_refused() -> None:
     start = fem.block((0.06, 0.05, 0.03), 0.01)
     with pytest.raises(BodyError, match="growth: the graded mesh has more than 1e\\+04 tetrahedra"):
         refine(surface_of(BOX), start.points, start.tetrahedra, graded_size(TOP, 1e-3, 0.0, 1e-3), 1e4)
+
+
+@pytest.mark.parametrize("growth", [0.1, 0.3, 1.0])
+def test_the_size_of_a_graded_body_is_estimated(tmp_path: Path, growth: float) -> None:
+    """Nodes and contact nodes within a factor of two, from the area of the touched region alone."""
+    BALL.export(tmp_path / "ball.stl")
+    body = built(tmp_path / "ball.stl", fixed="z < -30 mm", touch="z > 36 mm", spacing="3 mm", growth=growth, order=1)
+    surface = surface_of(BALL)
+    area = 2.0 * np.pi * 0.04 * 0.004  # of a cap of 4 mm
+    coarse = surface.extent / 15.0
+    guess = estimate(surface, coarse, 1, FineZone(area, 3e-3, growth, coarse))
+    assert 0.5 < guess.contact_nodes / len(body.nodes) < 2.0
+    assert 0.5 < guess.nodes / body.record["nodes"] < 2.0
+
+
+def test_a_graded_body_beyond_the_memory_is_refused_before_it_is_meshed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def meshed(*_: Any, **__: Any) -> None:
+        raise AssertionError("meshed")
+
+    monkeypatch.setattr(builder, "fill_surface", meshed)
+    BALL.export(tmp_path / "ball.stl")
+    with pytest.raises(BodyError, match=r"memory: a spacing of 0\.02 mm at the touched region gives about"):
+        built(tmp_path / "ball.stl", fixed="z < -30 mm", touch="z > 38 mm", spacing="0.02 mm", growth=0.3)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from palpate.contact.mesh import Mesh, read_triangles
+from palpate.contact.simplices import area_vectors
 from palpate.fem.body import Body
 from palpate.fem.checks import not_negative, positive, unit_of_length, warn_of_size, whole
 from palpate.fem.closed_surface import ClosedSurface
@@ -20,7 +21,7 @@ from palpate.fem.contact_accuracy import spacing_for
 from palpate.fem.elements import Elements, check_order
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, Region, SurfaceLayer
-from palpate.fem.mesh_estimate import check_memory_before, check_parts, estimate, surface_samples
+from palpate.fem.mesh_estimate import FineZone, check_memory_before, check_parts, estimate, surface_samples
 from palpate.fem.modes_cost import modes_cost
 from palpate.fem.refinement import Size, graded_size
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
@@ -111,9 +112,9 @@ def build(
     contact = None if touch is None else parse_selector(touch)
     stages.begin("meshing", "meshing")
 
-    def check(surface: ClosedSurface, step: float) -> None:
+    def check(surface: ClosedSurface, step: float, zone: FineZone | None) -> None:
         check_parts(surface, dirichlet, step)
-        check_memory_before(surface, step, order, memory, touched=contact is None, modes=modes)
+        check_memory_before(surface, step, order, memory, touched=contact is None, modes=modes, zone=zone)
 
     volume = volume_of(
         source, unit=unit, spacing=spacing, mesher=mesher, check=check, growth=growth, touch=contact if growth else None
@@ -221,14 +222,14 @@ def volume_of(
     unit: str | None = None,
     spacing: float | str | None = None,
     mesher: Mesher = "stuffing",
-    check: Callable[[ClosedSurface, float], None] | None = None,
+    check: Callable[[ClosedSurface, float, FineZone | None], None] | None = None,
     growth: float = 0.0,
     touch: Selector | None = None,
 ) -> Volume:
     """Return the tetrahedral mesh of `source`, which is filled if it is a surface; see `build`.
 
-    `check` is called with the surface and the largest spacing, m, before the surface is filled. The mesh is graded if
-    there is a region `touch`.
+    `check` is called with the surface, the largest spacing, m, and the zone towards which the mesh is graded, before
+    the surface is filled. The mesh is graded if there is a region `touch`.
     """
     if isinstance(source, Volume):
         return source
@@ -237,11 +238,11 @@ def volume_of(
         return read_volume(source, unit=unit)
     surface, name = _surface_to_fill(source, unit)
     step = _spacing_of(surface, spacing)
-    size = None
+    size, zone = None, None
     if touch is not None:
-        size, step = _graded(surface, step, growth, touch)
+        size, step, zone = _graded(surface, step, growth, touch)
     if check is not None:
-        check(surface, step)
+        check(surface, step, zone)
     try:
         return fill_surface(surface, step, mesher=mesher, source=name, size=size)
     except BodyError as problem:
@@ -312,14 +313,16 @@ def _chosen_growth(growth: float | None, tip_radius: object, touch: object, mesh
     return growth
 
 
-def _graded(surface: ClosedSurface, step: float, growth: float, touch: Selector) -> tuple[Size, float]:
-    """Return the edges of a graded mesh, `step`, m, at the touched region, and the largest of them, m."""
-    places = surface_samples(surface, step)[0]
-    places = places[touch.inside(places)]
-    if not len(places):
+def _graded(surface: ClosedSurface, step: float, growth: float, touch: Selector) -> tuple[Size, float, FineZone]:
+    """Return the edges of a graded mesh, `step`, m, at the touched region, the largest of them, m, and that region."""
+    places, triangle = surface_samples(surface, step)
+    inside = touch.inside(places)
+    if not inside.any():
         raise BodyError(f'touch: no place of the surface lies in "{touch}": choose another region')
+    share = np.bincount(triangle, inside) / np.bincount(triangle)
+    area = float(share @ np.linalg.norm(area_vectors(surface.vertices, surface.triangles), axis=1))
     largest = max(step, _spacing_of(surface, None))
-    return graded_size(places, step, growth, largest), largest
+    return graded_size(places[inside], step, growth, largest), largest, FineZone(area, step, growth, largest)
 
 
 def _check_extent(extent: float, name: str) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.integrate import trapezoid
 
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact.simplices import area_vectors, components
@@ -41,16 +42,62 @@ class MeshEstimate:
     memory: float
 
 
-def estimate(surface: ClosedSurface, spacing: float, order: int) -> MeshEstimate:
-    """Return the estimated size of the body that fills `surface` with edges of `spacing`, m."""
-    by_volume, by_area = _NODES[order]
-    area = surface.area / spacing**2
-    nodes, contact = by_volume * abs(surface.volume) / spacing**3 + by_area * area, _CONTACT * area
+@dataclass(frozen=True)
+class FineZone:
+    """Part of a surface towards which a mesh is graded.
+
+    Attributes:
+        area: of the part, m^2.
+        spacing: of the edges there, m.
+        growth: of the edges, per distance from the part.
+        largest: of the edges, m.
+    """
+
+    area: float
+    spacing: float
+    growth: float
+    largest: float
+
+    def estimate(self, order: int) -> tuple[float, float]:
+        """Return the numbers of nodes and of contact nodes.
+
+        The part is a flat disk. At the distance z from it the edges are h + g z, up to the largest ones.
+        """
+        by_volume, by_area = _NODES[order]
+        edge = np.geomspace(self.spacing, max(self.largest, self.spacing), 200)
+        z = (edge - self.spacing) / self.growth
+        rim = 2.0 * np.sqrt(np.pi * self.area)  # circumference, m
+        inside = (self.area + np.pi / 2.0 * rim * z + 2.0 * np.pi * z**2) / edge**3  # per distance
+        around = (rim + 2.0 * np.pi * z) / edge**2
+        places = self.area / self.spacing**2
+        nodes = by_volume * trapezoid(inside, z) + by_area * (places + trapezoid(around, z))
+        return float(nodes), _CONTACT * places
+
+
+def estimate(surface: ClosedSurface, spacing: float, order: int, zone: FineZone | None = None) -> MeshEstimate:
+    """Return the estimated size of the body that fills `surface` with edges of `spacing`, m, finer towards a zone."""
+    nodes, contact = _uniform(surface, spacing, order), _CONTACT * surface.area / spacing**2
+    if zone is not None:
+        more, contact = zone.estimate(order)
+        nodes = min(nodes + more, _uniform(surface, zone.spacing, order))
     return MeshEstimate(nodes, contact, _PROGRAM + 72.0 * contact**2 + _MEMORY * (3.0 * nodes) ** 1.25)
 
 
+def _uniform(surface: ClosedSurface, spacing: float, order: int) -> float:
+    """Return the number of nodes with edges of one spacing, m."""
+    by_volume, by_area = _NODES[order]
+    return by_volume * abs(surface.volume) / spacing**3 + by_area * surface.area / spacing**2
+
+
 def check_memory_before(
-    surface: ClosedSurface, spacing: float, order: int, memory: float | str, *, touched: bool, modes: int = 0
+    surface: ClosedSurface,
+    spacing: float,
+    order: int,
+    memory: float | str,
+    *,
+    touched: bool,
+    modes: int = 0,
+    zone: FineZone | None = None,
 ) -> None:
     """Raise BodyError if the build clearly exceeds `memory`, and name a spacing that fits.
 
@@ -59,17 +106,27 @@ def check_memory_before(
         spacing: mean edge of the tetrahedra, m.
         order: of the elements.
         memory: budget, bytes or text.
-        touched: whether the whole surface is touched. Otherwise its contact nodes are not counted.
+        touched: whether the whole surface is touched. Otherwise its contact nodes are not counted, if there is no zone.
         modes: number of vibration modes.
+        zone: towards which the mesh is graded.
     """
     allowed = positive(memory, "byte", "memory")
-    size = _needed(surface, spacing, order, touched, modes)
+    size = _needed(surface, spacing, order, touched, modes, zone)
     if size <= _MARGIN * allowed:
         return
+    guess = estimate(surface, spacing, order, zone)
+    if zone is not None:
+        fine = zone
+        while _needed(surface, spacing, order, touched, modes, fine) > 0.7 * allowed and fine.spacing < spacing:
+            fine = replace(fine, spacing=1.05 * fine.spacing)
+        raise BodyError(
+            f"memory: a spacing of {1e3 * zone.spacing:.3g} mm at the touched region gives about {guess.nodes:.2g} "
+            f"nodes and {size / 1e9:.2g} GB, over the budget of {allowed / 1e9:.3g} GB: use {1e3 * fine.spacing:.2g} "
+            "mm or more, a larger growth, a smaller contact surface (touch), or a larger budget"
+        )
     fits = spacing
     while _needed(surface, fits, order, touched, modes) > 0.7 * allowed and fits < surface.extent:
         fits *= 1.05
-    guess = estimate(surface, spacing, order)
     dear = _needed(surface, spacing, order, touched, 0) < size
     fewer = _modes(surface, spacing, order, modes).remedy if dear else ""
     remedy = f"a spacing of {1e3 * fits:.2g} mm or more, {fewer}a smaller contact surface (touch), or a larger budget"
@@ -113,10 +170,12 @@ def check_parts(surface: ClosedSurface, fixed: Sequence[Selector], spacing: floa
         )
 
 
-def _needed(surface: ClosedSurface, spacing: float, order: int, touched: bool, modes: int) -> float:
+def _needed(
+    surface: ClosedSurface, spacing: float, order: int, touched: bool, modes: int, zone: FineZone | None = None
+) -> float:
     """Return the largest memory of the stages of a build, bytes."""
-    size = estimate(surface, spacing, order)
-    condensing = size.memory if touched else size.memory - 72.0 * size.contact_nodes**2
+    size = estimate(surface, spacing, order, zone)
+    condensing = size.memory if touched or zone is not None else size.memory - 72.0 * size.contact_nodes**2
     return max(condensing, _PROGRAM + _modes(surface, spacing, order, modes).memory) if modes else condensing
 
 

@@ -55,6 +55,7 @@ np.savez("result.npz", points=np.asarray(mesh.points, dtype=float), cells=cells.
 
 # Faces of a tetrahedron of positive volume, counterclockwise seen from outside.
 _MAX_COUNT: Final = 2e7  # tetrahedra; far more than fit in memory
+_MAX_GRADED: Final = 2e6  # tetrahedra of a graded mesh, ten times those of 50,000 nodes
 _THICK: Final = 1.3  # thicknesses, largest spacing
 _VOLUME_ERROR: Final = 0.1  # relative, of a filled surface
 
@@ -285,7 +286,7 @@ def fill_surface(
         else:
             points, cells = _stuffed(surface, step)
             if size is not None and len(cells):
-                points, cells = refine(surface, points, cells, size, _MAX_COUNT)
+                points, cells = refine(surface, points, cells, size, _MAX_GRADED)
                 points = improve(surface, points, cells, float(size(points).min()))
     except BodyError as problem:
         raise BodyError(f"{source}: {problem}") from None

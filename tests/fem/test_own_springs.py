@@ -277,6 +277,8 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"springs": [[0, 1], [1, 0]]}, "springs: vertices 0 and 1 are joined twice"),
     ({"springs": [[0.5, 1.0]]}, "springs: one or more rows of 2 whole numbers"),
     ({"stiffness": -1.0}, "stiffness: -1 N/m must be positive"),
+    ({"stiffness": 1e300}, r"stiffness: 1e\+300 N/m must be between 1e-09 and 1e\+15 N/m"),
+    ({"masses": 1e-20}, "masses: 1e-20 kg must be between 1e-15 and"),
     ({"stiffness": "20 mm"}, "stiffness"),
     ({"stiffness": [1.0, 2.0]}, "stiffness: one number is needed, or one for each of the"),
     ({"stiffness": float("nan")}, "stiffness: nan is not a finite number"),

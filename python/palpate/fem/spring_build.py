@@ -21,9 +21,10 @@ from palpate.fem.errors import BodyError
 from palpate.fem.hat_functions import hat_integrals, mean_normals
 from palpate.fem.selectors import Selector
 from palpate.fem.spring_network import SpringNetwork, contact_patches
-from palpate.fem.storage import SPRINGS, BodyData, check_target, write
+from palpate.fem.storage import RANGES, SPRINGS, BodyData, check_target, write
 
 _UNBALANCED: Final = 1e-6  # force on a free vertex at rest, relative to the largest force of a spring
+_STORED: Final = {"stiffness": "spring_stiffness", "damping": "spring_damping"}  # in a body file
 _MECHANISM: Final = 1e-9  # least eigenvalue of the stiffness, relative to its largest diagonal entry
 _ONE: Final = {"springs": "spring", "vertices": "vertex"}
 _MAX_MEMORY: Final = 4e9  # bytes of the right-hand sides of the compliance
@@ -173,6 +174,10 @@ def _each(values: ArrayLike, unit: str, name: str, count: int, what: str, *, zer
         where = f" of {_ONE[what]} {row}" if given.ndim == 1 else ""
         rule = "must not be negative" if zero else "must be positive"
         raise BodyError(f"{name}: {numbers[row]:g} {unit}{where} {rule}")
+    low, high = RANGES[_STORED.get(name, name)]
+    if not (low <= numbers.min() and numbers.max() <= high):
+        wrong = numbers.min() if numbers.min() < low else numbers.max()
+        raise BodyError(f"{name}: {wrong:g} {unit} must be between {low:g} and {high:g} {unit}")
     return np.ascontiguousarray(np.broadcast_to(numbers.reshape(-1) if given.ndim else numbers[0], count), dtype=float)
 
 

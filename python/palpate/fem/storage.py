@@ -72,7 +72,7 @@ _RECORD: Final[dict[str, tuple[Any, Any]]] = {  # entry: (its type, type of its 
     "versions": (dict, str),
 }
 # quantity: (smallest, largest), SI; beyond the properties of any body that is built
-_RANGES: Final = {
+RANGES: Final = {
     "areas": (1e-18, 1e2),
     "young": (1e-3, 1e15),
     "frequencies": (1e-9, 1e12),
@@ -218,10 +218,10 @@ def _check(c: BodyData, file: Path) -> None:
     if not shapes or n == 0 or not solid:
         raise BodyError(f"{file}: the shapes of its arrays do not match; build the body again")
     indices = np.concatenate([c.triangles.ravel(), c.nodes])
-    finite = all(np.isfinite(array).all() for array in (c.normals, *(getattr(c, name) for name in _RANGES)))
+    finite = all(np.isfinite(array).all() for array in (c.normals, *(getattr(c, name) for name in RANGES)))
     plausible = finite and all(
         array.size == 0 or (array.min() >= low and array.max() <= high)
-        for array, (low, high) in ((getattr(c, name), limits) for name, limits in _RANGES.items())
+        for array, (low, high) in ((getattr(c, name), limits) for name, limits in RANGES.items())
     )
     corners = np.concatenate([c.tetrahedra.ravel(), c.springs.ravel(), [0]])
     in_range = indices.min() >= 0 and indices.max() < s and corners.min() >= 0 and corners.max() < len(c.vertices)

@@ -228,6 +228,10 @@ def test_a_tool_of_several_tips_follows_changes(body: Body) -> None:
         ),
         (lambda b: b.with_support_changes([{"at": "1 ms"}], PERIOD), "changes nothing: give held or touchable"),
         (lambda b: b.with_support_changes([{"held": LEFT}], PERIOD), "at is missing"),
+        (lambda b: b.with_support_changes(5, PERIOD), "a list of changes is needed, not 5"),
+        (lambda b: b.with_support_changes({"at": "1 s", "held": LEFT}, PERIOD), "a list of changes is needed"),
+        (lambda b: b.with_support_changes([LEFT], PERIOD), "a change is a table such as"),
+        (lambda b: b.with_support_changes([{"at": "1 s", "held": 5}], PERIOD), "regions are text such as"),
         (lambda b: b.with_support_changes([{"at": "1 s", "hold": LEFT}], PERIOD), 'unknown key "hold"'),
         (
             lambda b: b.with_support_changes([{"at": "1 s", "held": "z > 0 mm"}], PERIOD),

@@ -105,6 +105,8 @@ class Body(IndentableBody):
         """
         if changes is None:
             return self._rebuild_bare(self.contents, self.kind.friction)
+        if isinstance(changes, str | Mapping) or not isinstance(changes, Sequence):
+            raise BodyError(f"supports: a list of changes is needed, not {changes!r}")
         plan = SupportPlan(tuple(SupportChange.of(change) for change in changes), tick_period(period))
         if self.kind.name not in (COMPLIANCE.name, "signed_distance") or self.kind.friction[0] > 0.0:
             raise BodyError(

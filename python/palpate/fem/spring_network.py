@@ -25,7 +25,7 @@ from scipy import sparse
 from scipy.sparse.linalg import cg
 
 from palpate.arrays import Array, Indices
-from palpate.contact.simplices import area_vectors, equal_neighbors
+from palpate.contact.simplices import area_vectors, equal_neighbors, unique_rows
 from palpate.fem.errors import BodyError
 from palpate.fem.storage import BodyData
 from palpate.fem.volume import Volume
@@ -102,7 +102,8 @@ def build_network(volume: Volume, young: Array, poisson: float, density: float) 
     vertex_volumes = np.asarray(quarters @ volumes)
     shear = young / (2 * (1 + poisson))
     vertex_shear = np.asarray(quarters @ (volumes * shear)) / vertex_volumes
-    springs = np.unique(np.concatenate([_edges(cells), _opposite_pairs(cells)]), axis=0)
+    pairs = np.concatenate([_edges(cells), _opposite_pairs(cells)])
+    springs = pairs[unique_rows(pairs)[0]]
     # Force of the solid at a vertex under a uniform strain: mu (tr(e) + 2 e) g; g = 0 inside a homogeneous body.
     g = np.zeros_like(x)
     np.add.at(g, cells, gradients * (volumes * shear)[:, None, None])
@@ -149,7 +150,8 @@ def contact_patches(
 
 def _edges(cells: Indices) -> Indices:
     """Return the edges of tetrahedra (m, 4) as pairs of vertices (e, 2)."""
-    return np.unique(np.sort(np.concatenate([cells[:, list(e)] for e in combinations(range(4), 2)]), axis=1), axis=0)
+    pairs = np.sort(np.concatenate([cells[:, list(e)] for e in combinations(range(4), 2)]), axis=1)
+    return pairs[unique_rows(pairs)[0]]
 
 
 def _opposite_pairs(cells: Indices) -> Indices:

@@ -38,6 +38,8 @@ class SupportChange(NamedTuple):
         """Return a change of a table with `at` (s or text) and regions; raise BodyError."""
         if isinstance(given, SupportChange):
             return cls(*given)
+        if not isinstance(given, Mapping):
+            raise BodyError(f'supports: a change is a table such as {{"at": "1 s", "held": "x < 1 mm"}}, not {given!r}')
         for key in given:
             if key not in _KEYS:
                 raise BodyError(f'supports: unknown key "{key}"; there are {", ".join(_KEYS)}')
@@ -113,4 +115,6 @@ def _roles(held: Flags, touchable: Flags) -> Roles:
 
 
 def _texts(regions: Regions) -> tuple[str, ...]:
+    if not isinstance(regions, str | Selector | Sequence):
+        raise BodyError(f'supports: regions are text such as "x < 1 mm", or a list of it, not {regions!r}')
     return tuple(map(str, [regions] if isinstance(regions, str | Selector) else regions))

@@ -141,9 +141,19 @@ def test_spheres_within_each_other_are_solid_and_hollow_in_turn() -> None:
     surface = closed(four.vertices, four.faces)
     a, d, b, c = (ball.volume for ball in balls)
     assert surface.volume == pytest.approx(d - c + b - a)
-    assert surface.warnings == ["2 parts inside of another is a cavity; give an inclusion as a region"]
+    assert surface.warnings == ["2 cavities inside of a part; give an inclusion as a region"]
     depths = np.array([[0.005, 0.0, 0.0], [0.015, 0.0, 0.0], [0.025, 0.0, 0.0], [0.035, 0.0, 0.0]])
     assert surface.inside(depths).tolist() == [False, True, False, True]
+
+
+def test_each_of_many_cavities_is_empty() -> None:
+    side, apart = 0.002, 0.005
+    places = apart * (np.stack(np.indices((6, 6, 6)), axis=-1).reshape(-1, 3) - 2.5)
+    holes = [trimesh.creation.box((side,) * 3, np.block([[np.eye(3), x[:, None]], [0, 0, 0, 1]])) for x in places]
+    block = trimesh.util.concatenate([trimesh.creation.box((0.04,) * 3), *holes])
+    surface = closed(block.vertices, block.faces)
+    assert surface.volume == pytest.approx(0.04**3 - 216 * side**3, rel=1e-12)
+    assert surface.warnings == ["216 cavities inside of a part; give an inclusion as a region"]
 
 
 def test_triangles_without_area_make_an_empty_surface() -> None:
@@ -209,7 +219,7 @@ def test_a_sphere_within_a_sphere_is_a_cavity() -> None:
     both = trimesh.util.concatenate([SPHERE, inner])
     surface = closed(both.vertices, both.faces)
     assert surface.volume == pytest.approx(SPHERE.volume - inner.volume)
-    assert surface.warnings == ["1 part inside of another is a cavity; give an inclusion as a region"]
+    assert surface.warnings == ["1 cavity inside of a part; give an inclusion as a region"]
     assert surface.inside(np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]])).tolist() == [False, True]
 
 

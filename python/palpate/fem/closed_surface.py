@@ -112,20 +112,11 @@ class ClosedSurface:
         faces[inward] = faces[inward][:, ::-1]
         if flipped or inward.any():
             self.repairs.append(_count(max(flipped, int(inward.sum())), "triangle", "oriented outwards"))
-        boxes = [points[faces[part == k]].reshape(-1, 3) for k in range(len(volume))] if len(volume) <= 200 else []
-        level = np.zeros(len(volume), dtype=np.int64)
-        for k, own in enumerate(boxes):
-            for other, theirs in enumerate(boxes):
-                if other == k or not _within(own, theirs):
-                    continue
-                sample = own[unique_rows(own)[0]][:: max(1, len(own) // 30)]
-                winding = WindingNumber(points, faces[part == other])(sample)
-                level[k] += bool((winding > 0.5).all())
-        cavity = level % 2 == 1
+        cavity = _depths(points, faces, part) % 2 == 1
         if cavity.any():
             faces[cavity[part]] = faces[cavity[part]][:, ::-1]
             self.warnings.append(
-                _count(int(cavity.sum()), "part", "inside of another is a cavity; give an inclusion as a region")
+                _count(int(cavity.sum()), "cavity", "inside of a part; give an inclusion as a region", "cavities")
             )
             self.repairs.append(self.warnings[-1])
         return np.ascontiguousarray(faces)
@@ -333,9 +324,21 @@ def _barycentric(points: Array, corners: Array) -> Array:
     return np.stack([1.0 - second - third, second, third], axis=1)
 
 
-def _within(own: Array, other: Array) -> bool:
-    """Return whether the bounding box of points lies within another one."""
-    return bool((own.min(axis=0) >= other.min(axis=0)).all() and (own.max(axis=0) <= other.max(axis=0)).all())
+def _depths(points: Array, faces: Indices, part: Indices) -> Indices:
+    """Return the number of parts that each part lies inside of."""
+    order = np.argsort(part, kind="stable")
+    parts = np.split(faces[order], np.flatnonzero(np.diff(part[order])) + 1)
+    own = [points[np.unique(one)] for one in parts]
+    low, high = (np.array([end(one, axis=0) for one in own]) for end in (np.min, np.max))
+    level = np.zeros(len(parts), dtype=np.int64)
+    for other, outer in enumerate(parts):
+        within = (low >= low[other]).all(axis=1) & (high <= high[other]).all(axis=1)
+        within[other] = False
+        if within.any():
+            winding = WindingNumber(points, outer)
+            for k in np.flatnonzero(within):
+                level[k] += bool((winding(own[k][:: max(1, len(own[k]) // 30)]) > 0.5).all())
+    return level
 
 
 def _count(number: int, thing: str, change: str, plural: str | None = None) -> str:

@@ -318,3 +318,16 @@ def test_a_display_behind_a_flexible_mode_settles_though_the_load_bends_it_off_i
     assert trace["tip_offset"][-1, 0] == pytest.approx(bend, rel=1e-3)
     assert abs(bend) > 2.0 * abs(trace["deflection"][-1, 0])
     assert trace.verdict.state is State.SETTLED
+
+
+def test_a_display_that_comes_to_rest_before_its_wall_has_settled() -> None:
+    run = display(
+        object={**WALL, "position": ["0 m", "0 m", "-50 mm"]},
+        operator={**GRIP, "stiffness": "500 N/m", "force": ["0 N", "0 N", "-0.5 N"]},
+        run={"duration": "1 s"},
+    )
+    trace = palpate.simulate(Scenario.from_dict(run))
+    assert not trace["touching"].any()
+    assert 1e-7 < np.ptp(trace["command_force"][-400:], axis=0).max() < 1e-4
+    assert trace.verdict.state is State.SETTLED
+    assert trace.verdict.reason.endswith("off the object")

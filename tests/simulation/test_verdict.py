@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from copy import deepcopy
 from dataclasses import replace
@@ -101,20 +102,18 @@ def test_the_motors_give_what_the_operator_does_not_and_their_limits_act_on_that
 
 
 def test_a_drive_that_gets_warm_is_no_instability_and_is_told_beforehand() -> None:
-    """1.69 N are above the continuous 1.4 N; the limit acts after 14 s, and the tip moves by 0.2 mm."""
+    """The motors hold 1.62 N with the weight, above the continuous 1.4 N; the limit acts after 14 s."""
     tables = tomllib.loads((SCENARIOS / "drive-limits-and-encoder.toml").read_text("utf-8"))
     tables["object"]["stiffness"] = "150 N/m"
     cold = palpate.simulate({**tables, "run": {"duration": "4 s"}})
     assert cold.verdict.settled
-    assert any("the motors hold 1.69 N, of which the drive gives 1.4 N for long" in w for w in warnings_of(cold))
+    told = re.search(
+        r"the motors hold 1\.62 N, and the hot drive limits them after another ([\d.]+) s", str(cold.verdict)
+    )
+    assert told
     warm = palpate.simulate({**tables, "run": {"duration": "16 s"}})
     assert warm.verdict.state is State.DRIVE_LIMIT
-    assert 13.0 < (warm.verdict.since or 0.0) < 15.0
-
-
-def warnings_of(trace: palpate.Trace) -> list[str]:
-    warnings: list[str] = palpate.summarize(trace)["warnings"]
-    return warnings
+    assert warm.verdict.since == pytest.approx(4.0 + float(told[1]), abs=0.01)
 
 
 def test_without_limits_the_summary_says_what_the_motors_would_have_to_give() -> None:

@@ -132,6 +132,28 @@ class Device:
         return self.parameters.one("drive.continuous_force", np.inf)
 
     @property
+    def thermal_time(self) -> float:
+        """Time constant of the windings' temperature, s."""
+        return self.parameters.one("drive.thermal_time", 1.0)
+
+    def limit_time(self, force: float, temperature: float = 0.0) -> float:
+        """Return the time after which the hot drive limits a constant force of the motors, s; inf: never.
+
+        The temperature follows (F/F_c)^2 with the thermal time. Over its last tenth, from 0.9 to 1, the limit falls
+        from the peak to the continuous force F_c (`actuation::Drive` of the core).
+
+        Args:
+            force: F, of the motors at the tip, N.
+            temperature: of the windings now; 1 is that under the continuous force for ever.
+        """
+        rating, peak = self.continuous_force, self.peak_force
+        if force <= rating:
+            return float("inf")
+        fading = 0.1 * (force - rating) / (peak - rating) if np.isfinite(peak) else 0.0
+        left, steady = 1.0 - fading - temperature, (force / rating) ** 2 - temperature
+        return 0.0 if force > peak or left <= 0.0 else float(-self.thermal_time * np.log1p(-left / steady))
+
+    @property
     def peak_torque(self) -> Array:
         """Torque limit of the motors at the joints (dof,), N*m; inf if the file gives none."""
         return self.parameters.many("drive.peak_torque", self.dof, np.inf)

@@ -14,6 +14,7 @@ from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metric
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
 from palpate.scenario.signal import Signal
+from palpate.simulation.drive_hold import motor_load
 from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.statics import expected_deflection
@@ -265,21 +266,23 @@ def _began(depth: float, touched: str) -> list[str]:
 
 
 def _drive(trace: Trace, scenario: Scenario | None) -> list[str]:
-    """Return how often the drive is at its limit, or by how much the motors would exceed limits that are off."""
+    """Return how often the drive is at its limit, and by how much the motors exceed limits that no verdict states."""
+    found = []
     if "saturated" in trace and (share := float(np.mean(trace["saturated"])) if len(trace) else 0.0):
-        return [f"the drive is at its limit {share * 100.0:.3g} % of the time"]
+        found.append(f"the drive is at its limit {share * 100.0:.3g} % of the time")
     if scenario is None or "motor_force" not in trace or not len(trace):
-        return []
-    device, force = scenario.load_device(), np.linalg.norm(trace["motor_force"], axis=1)
-    last = float(np.mean(force[-max(len(force) // 20, 1) :]))
+        return found
+    device, force = scenario.load_device(), motor_load(trace, scenario)
+    last, state = float(np.mean(force[-max(len(force) // 20, 1) :])), trace.verdict.state
     free = "" if scenario.device.saturation else "without drive limits: "
     if force.max() > device.peak_force and free:
         limit = device.peak_force
         return [f"{free}the motors deliver {force.max():.3g} N, of which the drive gives {limit:.3g} N"]
-    if last > device.continuous_force and trace.verdict.state is not State.UNSTABLE:
+    stated = (State.UNSTABLE,) if free else (State.UNSTABLE, State.SETTLED, State.DRIVE_LIMIT)
+    if last > device.continuous_force and state not in stated:
         limit = device.continuous_force
-        return [f"{free}the motors hold {last:.3g} N, of which the drive gives {limit:.3g} N for long"]
-    return []
+        found.append(f"{free}the motors hold {last:.3g} N, of which the drive gives {limit:.3g} N for long")
+    return found
 
 
 def _energy(trace: Trace, scenario: Scenario | None) -> dict[str, float] | None:

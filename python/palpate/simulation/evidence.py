@@ -212,13 +212,15 @@ def interruption(trace: Recorded, scenario: Scenario | None) -> float:
 
 
 def _drift(trace: Recorded, ending: slice) -> float:
-    """Return the change of the mean command between the halves of the last fifth, over the object's largest force."""
+    """Return the change of the mean command between the halves of the last fifth, over the largest force on the tip."""
     command = trace["command_force"][ending]
     if len(command) < 2:
         return 0.0
     half = len(command) // 2
     change = np.linalg.norm(command[half:].mean(axis=0) - command[:half].mean(axis=0))
-    return float(change / max(np.linalg.norm(trace["object_force"], axis=1).max(), 1e-12))
+    forces = [trace[name] for name in ("object_force", "reference_force", "operator_force") if name in trace]
+    largest = max(float(np.linalg.norm(force, axis=1).max()) for force in forces)
+    return float(change / max(largest, 1e-12))
 
 
 def second_differences(time: Array, tip: Array, interval: float | None) -> Array:

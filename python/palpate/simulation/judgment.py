@@ -10,6 +10,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
+from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, held_tip, of_each_object, recorded_scenario
@@ -194,6 +195,8 @@ def _explained(
             reason = f"its oscillation of {swing} decays by a factor of {_factor(ratio)} in {span}; {linear}"
         if scenario is not None and is_one_sided(scenario) and e.touching[0] == 0.0:
             reason += ", off the object"
+        if scenario is not None and (hold := drive_hold(trace, scenario)) is not None:
+            reason += f"; {hold}"
     else:
         moves = scenario is not None and window.constant and moved_until(trace, scenario) > window.ending.start
         moving = "the object moves until the end: hold it at rest for the last fifth of the run"

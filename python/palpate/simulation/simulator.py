@@ -325,7 +325,7 @@ def _setup(
     if scenario.device.saturation:
         limits = setup.limits
         limits.peak_force, limits.continuous_force = device.peak_force, device.continuous_force
-        limits.thermal_time = device.parameters.one("drive.thermal_time", 1.0)
+        limits.thermal_time = device.thermal_time
         limits.peak_torque = device.peak_torque
         setup.limits = limits
     _hold(setup, scenario, device, start)

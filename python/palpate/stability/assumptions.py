@@ -101,7 +101,7 @@ def _neglected(s: Scenario, device: Device) -> list[str]:
             f"encoder counts (up to {count * 1e6:.2g} µm at the tip), which can sustain a limit cycle of a few counts"
         )
     if s.device.saturation:
-        effects.append("the drive's limits, which affect large oscillations")
+        effects.append("the drive's limits, which affect large oscillations and a force that heats the motors for long")
     return effects
 
 

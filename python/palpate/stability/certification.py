@@ -12,6 +12,7 @@ from palpate.control.stability_margins import Margins, loop_margins
 from palpate.devices.reach import near_limits
 from palpate.errors import PalpateError, StabilityError
 from palpate.scenario import Scenario
+from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.linear_evidence import loop_at_rest
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
@@ -227,7 +228,8 @@ def _simulate_to_rest(s: Scenario) -> tuple[ScenarioLoop | None, Verdict, str]:
     if not trace.completed:
         return None, verdict, f"{run} and diverged at {trace.unstable_from:g} s."
     run = f"{run}; its verdict is {verdict.state.label}"
-    run = "; ".join([run, *near_limits(s.load_device(), trace["angle"])])
+    hold = drive_hold(trace, s)
+    run = "; ".join([run, *([hold] if hold else []), *near_limits(s.load_device(), trace["angle"])])
     rest, reason = loop_at_rest(trace, s)
     told = "; the loop was tested again where it came to rest" if rest is not None else f"; {reason}" if reason else ""
     return rest, verdict, f"{run}{told}."

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.admittance import display_matrix
+from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.linear_evidence import display_at_rest, has_display_loop
 from palpate.simulation.simulator import simulate
 from palpate.simulation.verdict import FAILED, State, Verdict
@@ -35,7 +36,8 @@ def certify_display(s: Scenario) -> Certificate:
     matrix = display_matrix(s)  # refuses first what has no loop
     trace = simulate(s)
     run = trace.verdict
-    steps = (*method(s), f"The full scenario was run for {s.run.duration:g} s; its verdict is {run.state.label}.")
+    told = "; ".join([run.state.label, *([hold] if (hold := drive_hold(trace, s)) else [])])
+    steps = (*method(s), f"The full scenario was run for {s.run.duration:g} s; its verdict is {told}.")
     loops = {"start": matrix}
     if (rest := display_at_rest(trace, s)) is not None:
         loops["rest"] = rest

@@ -108,9 +108,8 @@ def drive_bound(device: Device, pose: ArrayLike, direction: ArrayLike, force: fl
 def hold_time(device: Device, pose: ArrayLike, direction: ArrayLike, force: float, stiffness: float = np.inf) -> float:
     """Return the time for which cold motors hold a force at the tip, s; inf if it is at most the continuous force.
 
-    The temperature of the windings follows (F/F_c)^2 with the thermal time; over its last tenth the limit falls from
-    the peak to the continuous force. The motors carry the weight as well. The pose on the way counts at which they
-    carry most. Until the least time of `drive_bound` they have given their peak force.
+    The motors carry the weight as well. The pose on the way counts at which they carry most. Until the least time of
+    `drive_bound` they have given their peak force. Then `Device.limit_time` counts.
 
     Args:
         device: with one to three joints.
@@ -133,14 +132,9 @@ def hold_time(device: Device, pose: ArrayLike, direction: ArrayLike, force: floa
     )
     if held <= rating:
         return float("inf")
-    thermal_time = device.parameters.one("drive.thermal_time", 1.0)
     bound = 0.0 if np.isinf(stiffness) or np.isinf(peak) else drive_bound(device, q, along, force, stiffness)
-    warm = -((peak / rating) ** 2) * np.expm1(-bound / thermal_time) if 0.0 < bound < np.inf else 0.0
-    fading = 0.1 * (held - rating) / (peak - rating) if np.isfinite(peak) else 0.0
-    left, steady = 1.0 - fading - warm, (held / rating) ** 2 - warm
-    if held > peak or left <= 0.0:
-        return 0.0
-    return float(-thermal_time * np.log1p(-left / steady))
+    warm = -((peak / rating) ** 2) * np.expm1(-bound / device.thermal_time) if 0.0 < bound < np.inf else 0.0
+    return device.limit_time(held, warm)
 
 
 def _way(device: Device, pose: Array, way: Array) -> list[Array]:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
-from palpate import devices
+from palpate import devices, units
 from palpate.errors import DeviceError, ScenarioError
 from palpate.units import UNITS, bounded_to_si, parse_quantity, to_si, write
 
@@ -180,6 +180,97 @@ def test_spaces_take_linear_time(text: str) -> None:
     """Quadratic time would be minutes."""
     with suppress(ValueError):
         assert parse_quantity(text.format(200_000 * " "), "m") == 0.005
+
+
+@pytest.fixture
+def new_tables() -> None:
+    """Let the next unit be looked up in the table of pint, not in that of an earlier one."""
+    units._look_up.cache_clear()
+    units._names.cache_clear()
+
+
+def refusal(value: object, unit: str) -> str:
+    with pytest.raises(ValueError, match=r".") as caught:
+        parse_quantity(value, unit)
+    return str(caught.value)
+
+
+@pytest.mark.usefixtures("new_tables")
+def test_a_unit_is_read_in_itself_and_in_any_other_of_its_dimension() -> None:
+    """Also units that no example has: both directions are exact."""
+    for text, unit, value in (
+        ("1 m", "mm", 1000.0),
+        ("1 mm", "m", 1e-3),
+        ("3 kg", "g", 3000.0),
+        ("2 kg*m^2", "g*cm^2", 2e7),
+        ("5 N*m", "N*m/rad", 5.0),
+        ("5 N*m*s", "N*m*s/rad", 5.0),
+        ("1 1/s", "Hz", 1.0),
+        ("2.5 µm", "m", 2.5e-6),
+        ("2.5 μm", "m", 2.5e-6),
+        ("3 kΩ", "ohm", 3000.0),
+        ("4 N·s/m", "N*s/m", 4.0),
+        ("5 %", "", 0.05),
+        ("5 %", "1", 0.05),
+        ("3", "1", 3.0),
+        ("3 furlongz", "furlongz", 3.0),
+    ):
+        assert parse_quantity(text, unit) == value
+        assert parse_quantity(f"-{text}", unit) == -value
+    for unit in UNITS:
+        assert parse_quantity(f"3 {unit}", unit) == parse_quantity(f"3 {unit} ", f"{unit} ") == 3.0
+
+
+@pytest.mark.usefixtures("new_tables")
+def test_every_quantity_is_named_with_its_first_unit() -> None:
+    for unit, (measure, text) in UNITS.items():
+        if unit == "byte":
+            continue  # pint counts it as a number
+        wanted = "m" if unit == "kg" else "kg"
+        article = "an" if measure[0] in "aeiou" else "a"
+        needed = f'a {UNITS[wanted][0]} is needed, for example "{UNITS[wanted][1]}"'
+        assert refusal(text, wanted) == f'"{text}" is {article} {measure} [{unit}]; {needed}'
+    a_mass = 'a mass is needed, for example "0.15 kg"'
+    assert refusal("2 N*m*s", "kg") == f'"2 N*m*s" is a rotary damping [N*m*s/rad]; {a_mass}'  # nothing else is one
+    assert refusal("2 N*m", "kg") == f'"2 N*m" is a torque [N*m]; {a_mass}'
+    assert refusal("2 m^3", "kg") == f'"2 m^3" is in m^3; {a_mass}'
+    assert refusal("2 %", "kg") == f'"2 %" is a plain number; {a_mass}'
+    assert refusal("2 deg", "kg") == f'"2 deg" is an angle [rad]; {a_mass}'
+    assert refusal("2 g", "mm^3") == '"2 g" is a mass [kg]; a value in mm^3 is needed, for example "1 mm^3"'
+    assert refusal("2 g", "") == '"2 g" is a mass [kg]; a plain number is needed'
+
+
+@pytest.mark.usefixtures("new_tables")
+def test_an_angle_and_its_rate_state_their_radian() -> None:
+    for text, unit in (("1 Hz", "rad/s"), ("1 %", "rad"), ("1 rad^2", "rad"), ("1 rad^0.5", "rad"), ("1", "rad")):
+        assert refusal(text, unit).startswith(f'"{text}" ')
+    assert refusal("1 rad^0.5", "rad") == '"1 rad^0.5" is an angle [rad]; an angle is needed, for example "30 deg"'
+    assert parse_quantity("1 deg/s", "rad/s") == parse_quantity("1 deg", "rad")
+
+
+@pytest.mark.usefixtures("new_tables")
+def test_what_is_no_unit_is_not_known() -> None:
+    """A temperature has an offset, also in a product; long powers and long texts are not looked up."""
+    most = f"m*m{' ' * 55}/m"
+    assert len(most) == 60
+    assert parse_quantity(f"2 {most}", "m") == 2.0
+    assert refusal(f"2 {most.replace('/', ' /')}", "m").startswith('"2 m*m')
+    assert 'is not known; write it as "10 mm"' in refusal(f"2 {most.replace('/', ' /')}", "m")
+    for text, unit in (("20 degC", "K"), ("20 J/degC", "J/K"), ("20 J/degF", "J/K"), ("3 m^100", "m"), ("3 m?", "m")):
+        written = text.partition(" ")[2]
+        expected = f'"{text}": the unit "{written}" is not known; write it as "{UNITS[unit][1]}"'
+        assert refusal(text, unit) == expected
+    assert refusal("1 m", "furlongz") == 'the requested unit "furlongz" is not known'
+    assert refusal("1 " + 50 * "q", "m").startswith(f'"1 {50 * "q"}": the unit "{40 * "q"}" is not known')
+
+
+def test_a_message_shows_a_value_of_60_characters_whole() -> None:
+    """Quotes count; a longer one ends after 57."""
+    remedy = "; write a plain number"
+    assert refusal("x" * 58, "") == f'"{"x" * 58}" cannot be read as a plain number{remedy}'
+    assert refusal("x" * 59, "") == f'"{"x" * 56}..." cannot be read as a plain number{remedy}'
+    assert refusal("x", "m") == '"x" cannot be read as a number with a unit; write it as "10 mm"'
+    assert refusal(None, "furlongz") == 'None is not a quantity; write it as "1 furlongz"'
 
 
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "byte"])

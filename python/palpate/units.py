@@ -204,14 +204,14 @@ def _factor(written: str, unit: str, value: str) -> Fraction:
 
 
 class _Unit(NamedTuple):
-    """Size of a unit in SI base units, its dimension, and its power of the radian."""
+    """Size of a unit in the root units of pint, its dimension, and its power of the radian."""
 
     size: Fraction
     dimension: frozenset[tuple[str, Fraction]]
-    radians: int
+    radians: Fraction
 
 
-_DIMENSIONLESS: Final = _Unit(Fraction(1), frozenset(), 0)
+_DIMENSIONLESS: Final = _Unit(Fraction(1), frozenset(), Fraction(0))
 
 
 @lru_cache(maxsize=1)
@@ -224,7 +224,7 @@ def _registry() -> UnitRegistry[Any]:
 @lru_cache(maxsize=512)
 def _look_up(unit: str) -> _Unit | None:
     """Return the unit from the table of pint; None if it is unknown or has an offset (degC)."""
-    unit = unit.replace("·", "*").replace("µ", "μ").replace("Ω", "ohm")
+    unit = unit.replace("·", "*")
     if len(unit) > 60 or not _UNIT.fullmatch(unit) or _LONG_INTEGER.search(unit):
         return None
     registry = _registry()
@@ -236,11 +236,7 @@ def _look_up(unit: str) -> _Unit | None:
         dimension = frozenset((name, Fraction(str(power))) for name, power in parsed.dimensionality.items())
     except Exception:  # pint raises any exception on text that is no unit, KeyError and AssertionError among them
         return None
-    powers = dict(base._units)
-    grams = Fraction(str(powers.get("gram", 0)))  # pint's root unit of mass is the gram, SI's the kilogram
-    if grams.denominator != 1:
-        return None
-    return _Unit(Fraction(str(factor)) / Fraction(1000) ** int(grams), dimension, int(str(powers.get("radian", 0))))
+    return _Unit(Fraction(str(factor)), dimension, Fraction(str(dict(base._units).get("radian", 0))))
 
 
 @lru_cache(maxsize=1)

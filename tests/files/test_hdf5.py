@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import os
 import subprocess
@@ -18,8 +19,8 @@ from one_node import one_node
 from palpate import fem
 from palpate.errors import OutputError, PalpateError, RecordingError
 from palpate.fem.errors import BodyError
-from palpate.files import hdf5_output
-from palpate.files.hdf5_input import Hdf5Reader, open_foreign, read_everything, read_seal
+from palpate.files import hdf5_input, hdf5_output
+from palpate.files.hdf5_input import Hdf5Reader, check_hdf5, open_foreign, open_sealed, read_everything, read_seal
 from palpate.identification.recording import Recording
 from palpate.simulation.trace import Trace, TraceError
 from palpate.sweeps import SweepError, merge, open_sweep
@@ -501,3 +502,246 @@ def test_what_hdf5_writes_one_after_the_other_lies_one_after_the_other(tmp_path:
     assert isinstance(first, OSError)
     sink.readinto(bytearray(1))
     assert sink.problem is first
+
+
+def test_a_digest_covers_the_size_the_ranges_and_all_bytes_outside_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ranges may overlap, touch, be empty and come in any order; the seal states them."""
+    monkeypatch.setattr(hdf5_output, "_BLOCK", 7)
+    data = np.random.default_rng(0).bytes(100)
+    (tmp_path / "a").write_bytes(data)
+    handle = os.open(tmp_path / "a", os.O_RDONLY)
+    try:
+        for later in ([], [(0, 5)], [(95, 5)], [(50, 10), (20, 15), (55, 3)], [(10, 10), (20, 5), (30, 0)], [(0, 100)]):
+            kept = np.ones(100, dtype=bool)
+            for offset, length in later:
+                kept[offset : offset + length] = False
+            outside = np.frombuffer(data, dtype="u1")[kept].tobytes()
+            expected = hashlib.sha256(repr((100, later)).encode() + outside).hexdigest()
+            assert hdf5_output.digest(handle, 100, later) == expected
+            ranges = ",".join(f"{one}+{two}" for one, two in later) or "-"
+            assert hdf5_output.seal(handle, later) == f"\npalpate seal sha256 {expected} {ranges}\n".encode()
+        assert hdf5_output.digest(handle, 101, []) == ""
+    finally:
+        os.close(handle)
+
+
+def test_a_system_that_writes_few_bytes_at_a_time_writes_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = os.pwrite
+    monkeypatch.setattr(os, "pwrite", lambda handle, data, offset: real(handle, data[:3], offset))
+    handle = os.open(tmp_path / "a", os.O_RDWR | os.O_CREAT)
+    try:
+        hdf5_output.write_at(handle, 2, np.arange(5, dtype="<u2"))
+    finally:
+        os.close(handle)
+    assert (tmp_path / "a").read_bytes() == b"\0\0" + np.arange(5, dtype="<u2").tobytes()
+
+
+def test_space_is_reserved_from_the_beginning_and_the_digest_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[int, ...]] = []
+    monkeypatch.setattr(os, "posix_fallocate", lambda _handle, *range_: asked.append(range_))
+
+    def fill(file: Any) -> None:
+        file["x"] = np.arange(9.0)
+
+    path = hdf5_output.write_hdf5(tmp_path / "a.h5", fill)
+    assert asked == []
+    assert hdf5_output.write_hdf5(path, fill, reserve=5000) == path
+    assert asked == [(0, 5000)]
+    found = read_seal(path, OutputError, "thing")
+    assert found.later == ()
+    assert found.digest in hdf5_output.known_digests
+
+
+def _sealed(path: Path, content: bytes, later: list[tuple[int, int]]) -> None:
+    path.write_bytes(content)
+    reseal(path, later)
+
+
+def refused(read: Callable[[], object]) -> str:
+    with pytest.raises(OutputError) as caught:
+        read()
+    return str(caught.value)
+
+
+def test_a_seal_is_found_at_the_end_of_a_file_of_any_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has at most 4096 bytes; what it leaves out is told in its order."""
+    path, later = tmp_path / "a", [(3, 2), (0, 1)]
+    for content in (b"", b"x", b"x" * 4096, b"x" * 20_000):
+        ranges = later if len(content) > 5 else []
+        _sealed(path, content, ranges)
+        assert read_seal(path, OutputError, "thing").later == tuple(ranges)
+        path.write_bytes(path.read_bytes() + b"x")
+        assert refused(lambda: read_seal(path, OutputError, "thing")) == (
+            f"{path}: not a complete thing: no checksum at its end: truncated, changed by another program, or of "
+            "another version"
+        )
+    _sealed(path, b"xxxx", [])
+    path.write_bytes(b"y" + path.read_bytes()[1:])
+    differs = f"{path}: not a complete thing: it is damaged: its content differs from its checksum"
+    assert refused(lambda: read_seal(path, OutputError, "thing")) == differs
+    assert refused(lambda: read_seal(path, OutputError, "thing", "make it")) == f"{differs}; make it"
+    for size in (4096, 4097):
+        left = size - len(hdf5_output.SEAL) - 64 - 1  # "1000+1," or "100+1," each, the last with a line feed
+        count = -(-left // 7)
+        many = [(100 if number < 7 * count - left else 1000, 1) for number in range(count)]
+        _sealed(path, b"x" * 2000, many)
+        assert path.stat().st_size == 2000 + size
+        if size == 4096:
+            assert read_seal(path, OutputError, "thing").later == tuple(many)
+        else:
+            assert "no checksum at its end" in refused(lambda: read_seal(path, OutputError, "thing"))
+
+    def refuse(*_: object) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(os, "open", refuse)
+    assert refused(lambda: read_seal(path, OutputError, "thing")) == f"{path}: cannot be read: Permission denied"
+
+
+def test_a_process_that_reads_a_file_first_has_limits_that_grow_with_its_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """4 s and 1 GB, a second more for each 50 MB, and eight bytes for each of the file."""
+    asked: list[Any] = []
+    monkeypatch.setattr(hdf5_input, "try_isolated", lambda *what, **limits: asked.append((what, limits)))
+    path = tmp_path / "a"
+    path.touch()
+    for size, seconds in ((0, 4), (49_999_999, 4), (120_000_000, 6)):
+        os.truncate(path, size)
+        hdf5_input._try_in_process(path, OutputError, "thing")
+        limits = {"seconds": seconds, "memory": 1_000_000_000 + 8 * size}
+        assert asked.pop() == ((hdf5_input._PROGRAM, str(path)), limits)
+
+
+def test_a_file_of_another_kind_is_refused_before_hdf5_sees_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    for otherwise, end in (("", ""), ("make it", "; make it")):
+        assert refused(lambda: check_hdf5(path, OutputError, "thing", otherwise)) == (  # noqa: B023
+            f"{path}: there is no such file{end}"
+        )
+    path.write_bytes(b"")
+    assert refused(lambda: check_hdf5(path, OutputError, "thing")) == f"{path}: an empty file, so not a thing"
+    path.write_bytes(b"x")
+    assert refused(lambda: check_hdf5(path, OutputError, "thing")) == f"{path}: not an HDF5 file, so not a thing"
+    assert refused(lambda: check_hdf5(tmp_path, OutputError, "thing")) == (
+        f"{tmp_path}: a folder; give the thing's file (.h5) in it"
+    )
+    with h5py.File(path, "w"):
+        pass
+    assert check_hdf5(path, OutputError, "thing") == path
+
+
+def test_a_file_that_the_caller_has_open_with_locks_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = np.arange(3.0)
+    with h5py.File(path, "r"), Hdf5Reader(path, OutputError, "thing") as reader:
+        assert reader.names() == ["x"]
+        assert reader.later == ()
+    with open_foreign(path, OutputError, "thing") as reader:
+        assert reader.later == ()
+    path.write_bytes(b"x" * 100)
+    told = refused(lambda: Hdf5Reader(path, OutputError, "thing"))
+    assert told.startswith(f"{path}: not a complete thing: Unable to")
+    assert read_everything(path) == told.removeprefix(f"{path}: not a complete thing: ")
+
+
+def test_what_a_reader_may_read_is_bounded_by_the_size_of_the_file(tmp_path: Path) -> None:
+    """256 bytes of data for each byte of the file, and 16 MiB in any case; a chunk is read whole."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = np.arange(6.0)
+        file["half"] = np.arange(3, dtype="f4")
+        file.create_dataset("chunked", data=np.arange(10.0), chunks=(100,), maxshape=(None,), compression="gzip")
+        file.create_dataset("unwritten", shape=(100,), dtype="f8")
+        file.create_dataset("none", data=np.empty((0, 3)))
+    with Hdf5Reader(path, OutputError, "thing") as reader:
+        assert reader._left == 2**24 + 256 * path.stat().st_size
+        begins = f"{path}: not a complete thing: "
+        for name, needed, size in (("x", 48, 48), ("half", 12, 12), ("chunked", 800, 80)):
+            reader._left = needed
+            reader.array(name)
+            assert reader._left == 0
+            reader._left = needed - 1
+            told = refused(lambda: reader.array(name))  # noqa: B023
+            assert told == f"{begins}{name} declares {size} bytes, far more than the file has"
+        reader._left = 1000
+        assert refused(lambda: reader.array("unwritten")) == f"{begins}unwritten declares 800 bytes and has 0"
+        assert reader.array("none").shape == (0, 3)
+        assert reader._left == 1000
+        assert refused(lambda: reader.array("x/y")) == f"{begins}x/y is missing"
+        assert refused(lambda: reader.array("/")) == f"{begins}/ is no data set"
+        assert refused(lambda: reader.place("chunked", "<f8")) == (
+            f"{begins}chunked is not contiguous, or not of the type <f8"
+        )
+        assert sorted(reader.names()) == ["chunked", "half", "none", "unwritten", "x"]
+        assert reader.broken == ""
+
+
+def test_a_group_has_a_thousand_names_at_most(tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for number in range(1000):
+            file.create_group(f"most/{number:04}")
+        for number in range(1001):
+            file.create_group(f"more/{number:04}")
+    with Hdf5Reader(path, OutputError, "thing") as reader:
+        assert reader.names("most") == [f"{number:04}" for number in range(1000)]
+        assert refused(lambda: reader.names("more")) == f"{path}: not a complete thing: more has 1001 entries"
+        assert refused(lambda: reader.names("none", optional=False)).endswith("none is missing")
+
+
+def test_an_attribute_is_a_text_or_a_number_of_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = 1.0
+        for key, value in (("bytes", np.bytes_(b"ab\xff")), ("real", np.float32(0.5)), ("whole", np.int8(3))):
+            file["x"].attrs[key] = value
+        file["x"].attrs["truth"] = np.bool_(True)
+        file["x"].attrs["letters"] = np.bytes_(b"123456")
+    with Hdf5Reader(path, OutputError, "thing") as reader:
+        assert reader.text_attribute("bytes", "x") == "ab\ufffd"
+        assert (reader.number_attribute("real", "x"), reader.number_attribute("whole", "x")) == (0.5, 3.0)
+        assert reader.number_attribute("none", "x", 7) == 7.0
+        begins = f"{path}: not a complete thing: "
+        for read, says in (
+            (lambda: reader.number_attribute("truth", "x"), "the attribute truth of x is no number"),
+            (lambda: reader.number_attribute("bytes", "x"), "the attribute bytes of x is no number"),
+            (lambda: reader.number_attribute("none", "x"), "the attribute none of x is missing"),
+            (lambda: reader.text_attribute("none", "y", "default"), "y is missing"),
+        ):
+            assert refused(read) == begins + says
+        monkeypatch.setattr(hdf5_input, "_TEXT_LIMIT", 6)
+        assert reader.text_attribute("letters", "x") == "123456"
+        monkeypatch.setattr(hdf5_input, "_TEXT_LIMIT", 5)
+        assert refused(lambda: reader.text_attribute("letters", "x")) == (
+            f"{begins}the attribute letters of x has the shape ()"
+        )
+
+
+def test_every_object_is_read_first_within_the_limit_of_a_file(tmp_path: Path) -> None:
+    """Each anew, so that a damaged one behind others of the same size is found."""
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        for number in range(9):
+            file[f"zeros{number}"] = np.zeros(2**18)  # 2 MiB of a file of 18 MiB
+        options: dict[str, Any] = {"chunks": (200,), "compression": "gzip"}
+        data = file.create_dataset("zzz/last", data=np.arange(200.0), **options)
+        place = data.id.get_chunk_info(0)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: place.byte_offset] + bytes(place.size) + whole[place.byte_offset + place.size :])
+    assert read_everything(path) != ""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(hdf5_input, "_EXPANSION", 0)
+        patch.setattr(hdf5_input, "_ALWAYS", 2**21)
+        assert read_everything(path) != ""
+        patch.setattr(hdf5_input, "_ALWAYS", 1599)
+        assert read_everything(path) == ""
+    with pytest.raises(OutputError, match="HDF5 can read"):
+        open_foreign(path, OutputError, "thing")
+    with pytest.raises(OutputError, match="no checksum at its end"):
+        open_sealed(path, OutputError, "thing")

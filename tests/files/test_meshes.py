@@ -7,6 +7,8 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import meshio
 import numpy as np
@@ -15,7 +17,8 @@ import trimesh
 from palpate.contact.mesh import Mesh, MeshError
 from palpate.fem.errors import BodyError
 from palpate.fem.volume import read_volume
-from palpate.files.isolated import IsolatedError, run_isolated
+from palpate.files import isolated
+from palpate.files.isolated import IsolatedError, run_isolated, try_isolated
 
 
 @pytest.mark.parametrize("suffix", ["zip", "svg", "3mf", "dae", "gltf", "vtk", "xml", "tar.gz", "npz", ""])
@@ -78,3 +81,53 @@ def test_a_broken_mesh_prints_no_traceback(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("refused\n", "")
+
+
+def test_a_program_gets_its_inputs_and_returns_its_arrays() -> None:
+    program = "import numpy as np\nx = np.load('inputs.npz')\nnp.savez('result.npz', twice=2 * x['a'], text=x['b'])"
+    found = run_isolated(program, {"a": np.arange(3), "b": "word"})
+    assert sorted(found) == ["text", "twice"]
+    np.testing.assert_array_equal(found["twice"], [0, 2, 4])
+    assert str(found["text"]) == "word"
+
+
+def test_a_program_without_a_word_or_with_many_gives_its_last_300() -> None:
+    for program, says in (
+        ("import sys; sys.exit(1)", "no message"),
+        (f"import sys; print('first'); print('{'x' * 400}'); sys.exit(3)", "x" * 300),
+        ("import sys; print('out'); sys.exit('err')", "err"),
+    ):
+        with pytest.raises(IsolatedError) as caught:
+            try_isolated(program, "argument", seconds=9, memory=1 << 31)
+        assert str(caught.value) == says
+
+
+def test_a_program_is_limited_in_computing_memory_and_time_on_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[list[str], dict[str, Any]]] = []
+    done = SimpleNamespace(returncode=0, stdout="a\nb\n", stderr="")
+    monkeypatch.setattr(isolated.subprocess, "run", lambda words, **options: asked.append((words, options)) or done)
+    try_isolated("program", "argument", seconds=3, memory=77)
+    words, options = asked.pop()
+    assert words[:2] == [sys.executable, "-c"]
+    assert words[3] == "argument"
+    assert words[2].endswith("program")
+    assert words[2].index("RLIMIT_AS, (77, resource") < words[2].index("RLIMIT_CPU, (3, resource")
+    assert options["timeout"] == 24.0
+    assert options["env"]["OPENBLAS_NUM_THREADS"] == "1"
+    with pytest.raises(IsolatedError, match=r"^b$"):
+        run_isolated("program", {}, seconds=5.0)  # it makes no result
+    words, options = asked.pop()
+    assert words == [sys.executable, "-c", "program"]
+    assert options["timeout"] == 5.0
+    assert not Path(options["cwd"]).exists()
+    for code, says in ((-11, "the process was killed by signal 11"), (-24, "it took too long"), (1, "b")):
+        done.returncode = code
+        with pytest.raises(IsolatedError) as caught:
+            try_isolated("program", "argument", seconds=3, memory=77)
+        assert str(caught.value) == says
+
+
+def test_a_process_that_cannot_be_started_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "executable", "/no/such/program")
+    with pytest.raises(IsolatedError, match=r"^no process can be started: No such file or directory$"):
+        try_isolated("", "", seconds=1, memory=1 << 31)

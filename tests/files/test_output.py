@@ -11,9 +11,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from palpate.errors import OutputError
-from palpate.files import atomic_write, check_readable, default_name, write_folder, write_text
-from palpate.files.output import Writer, check_suffix
+from palpate.errors import OutputError, ScenarioError
+from palpate.files import atomic_write, check_readable, default_name, output, write_folder, write_json, write_text
+from palpate.files.output import Writer, check_suffix, check_writable, finish_folder
 
 NAMES = ("trace.h5", "summary.json", "report.html")
 
@@ -165,3 +165,229 @@ def test_two_writers_of_a_folder_leave_each_other_alone(tmp_path: Path) -> None:
 
     write_folder(tmp_path, {"first": slow})
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"first": "1", "second": "2"}
+
+
+@pytest.fixture
+def flushed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return the names of the files and folders that are flushed to the disk from now on, in this order."""
+    names: list[str] = []
+    real = os.fsync
+
+    def fsync(handle: int) -> None:
+        names.append(Path(os.readlink(f"/proc/self/fd/{handle}")).name)
+        real(handle)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    return names
+
+
+def _lowest_handle(folder: Path) -> int:
+    handle = os.open(folder, os.O_RDONLY)
+    os.close(handle)
+    return handle
+
+
+def test_a_file_is_flushed_before_it_is_renamed_and_its_folder_after(tmp_path: Path, flushed: list[str]) -> None:
+    lowest, target = _lowest_handle(tmp_path), tmp_path / "new" / "inner" / "a.txt"
+    assert write_text(target, "é") == target
+    assert target.read_bytes() == "é".encode()
+    part, folder = flushed
+    assert part.startswith(".a.txt.")
+    assert part.endswith(".part")
+    assert len(part) == len(".a.txt.") + 8 + len(".part")
+    assert folder == "inner"
+    assert write_text(target, "again").read_text() == "again"
+    assert [entry.name for entry in target.parent.iterdir()] == ["a.txt"]
+    assert _lowest_handle(tmp_path) == lowest
+
+
+@pytest.mark.parametrize("new", [True, False])
+def test_the_files_of_a_folder_are_flushed_before_it_is_committed(
+    new: bool, tmp_path: Path, flushed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The names of the committed folder, of the finished one and of a new one are flushed after it."""
+    lowest, folder, modes = _lowest_handle(tmp_path), tmp_path / "out", []
+    if not new:
+        folder.mkdir()
+    real = output._commit
+    monkeypatch.setattr(
+        output, "_commit", lambda part, commit: modes.append(part.stat().st_mode & 0o777) or real(part, commit)
+    )
+    assert write_folder(folder, _writers("x")) == [folder / name for name in NAMES]
+    assert tuple(flushed[:3]) == NAMES
+    assert flushed[3].endswith(".part")
+    assert flushed[4:] == ["out", "out", *([tmp_path.name] if new else [])]
+    (tmp_path / "plain").mkdir()
+    assert modes == [(tmp_path / "plain").stat().st_mode & 0o777]  # so that others can complete the renames
+    assert _lowest_handle(tmp_path) == lowest
+    assert output._umask() == output._umask() == output._UMASK
+
+
+def test_other_files_of_a_folder_stay_unless_only_the_new_ones_are_wanted(tmp_path: Path) -> None:
+    (tmp_path / "old.txt").write_text("old")
+    (tmp_path / "kept").mkdir()
+    write_folder(tmp_path, _writers("x"))
+    assert {entry.name for entry in tmp_path.iterdir()} == {*NAMES, "old.txt", "kept"}
+    write_folder(tmp_path, _writers("y"), only=True)
+    assert {entry.name for entry in tmp_path.iterdir()} == {*NAMES, "kept"}
+    assert _content(tmp_path) == {"y"}
+
+
+def test_a_writer_that_fails_leaves_no_new_folder_and_names_the_file(tmp_path: Path) -> None:
+    def fails(part: Path) -> None:
+        part.write_text("half")
+        raise OutputError(f"{part}: full")
+
+    for folder, there in ((tmp_path / "new", False), (tmp_path, True)):
+        with pytest.raises(OutputError) as caught:
+            write_folder(folder, {"a": fails})
+        assert str(caught.value) == f"{folder / 'a'}: full"
+        assert folder.exists() is there
+    with pytest.raises(OutputError) as caught:
+        atomic_write(tmp_path / "b", fails)
+    assert str(caught.value) == f"{tmp_path / 'b'}: full"
+
+    def other(_: Path) -> None:
+        raise ScenarioError("another reason")
+
+    with pytest.raises(ScenarioError, match=r"^another reason$"):
+        atomic_write(tmp_path / "b", other)
+    (tmp_path / "c").mkdir()
+    with pytest.raises(OutputError) as caught:
+        write_folder(tmp_path, {"c": fails})
+    assert str(caught.value) == f"{tmp_path / 'c'}: cannot be written: Is a directory"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["c"]
+
+
+@pytest.mark.parametrize(
+    ("problem", "reason"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "No space left on device"),
+        (OSError("write failed (error message = 'Disk quota exceeded', buf = 0x1)"), "Disk quota exceeded"),
+        (OSError("of a library"), "of a library"),
+        (ValueError("embedded null byte"), "a name has no null character in it"),
+        (ValueError("embedded null character in path"), "a name has no null character in it"),
+        (ValueError("of the caller"), None),
+    ],
+)
+def test_a_failure_of_the_system_is_one_sentence_with_its_reason(
+    problem: Exception, reason: str | None, tmp_path: Path
+) -> None:
+    def fails(_: Path) -> None:
+        raise problem
+
+    file = tmp_path / "a"
+    with pytest.raises(ValueError, match=r".") as caught:
+        atomic_write(file, fails)
+    shown = repr(str(file)) if isinstance(problem, ValueError) else str(file)
+    assert str(caught.value) == ("of the caller" if reason is None else f"{shown}: cannot be written: {reason}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_place_that_cannot_be_written_is_found_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("x")
+    for path in (tmp_path / "new", tmp_path / "a" / "b" / "c", tmp_path / "file"):
+        check_writable(path)
+        check_writable(str(path))
+    assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+    refused: list[tuple[object, str]] = [
+        (tmp_path, f"{tmp_path}: cannot be written: Is a directory"),
+        (
+            tmp_path / "file" / "a" / "b",
+            f"{tmp_path / 'file' / 'a' / 'b'}: cannot be written: {tmp_path / 'file'} is a file, not a folder",
+        ),
+        ("a\0b", "a\\x00b: cannot be written: a name has no null character in it"),
+        (3, "a file is named by text or a Path, not by 3"),
+    ]
+    for place, says in refused:
+        with pytest.raises(OutputError) as caught:
+            check_writable(place)  # type: ignore[arg-type]
+        assert str(caught.value) == says
+    monkeypatch.setattr(os, "access", lambda _folder, mode: mode != os.W_OK | os.X_OK)
+    with pytest.raises(OutputError) as caught:
+        check_writable(tmp_path / "a" / "b")
+    told = f"{tmp_path / 'a' / 'b'}: cannot be written: no permission to write to the folder {tmp_path}"
+    assert str(caught.value) == told
+
+
+def test_a_reader_finishes_the_folder_of_a_killed_writer_once(
+    tmp_path: Path, flushed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Files that another reader renamed meanwhile are no failure."""
+    finish_folder(tmp_path)
+    assert flushed == []
+    commit = tmp_path / ".palpate-commit"
+    commit.mkdir()
+    (commit / "a").write_text("new")
+    (tmp_path / "a").write_text("old")
+    finish_folder(tmp_path)
+    assert flushed == [tmp_path.name]
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a": "new"}
+    commit.mkdir()
+    (commit / "b").write_text("new")
+    listed = [commit / "gone", commit / "b"]
+    monkeypatch.setattr(Path, "iterdir", lambda _: iter(listed))
+    finish_folder(tmp_path)
+    assert (tmp_path / "b").read_text() == "new"
+    assert not commit.exists()
+
+
+def test_a_folder_waits_for_the_renames_of_another_writer(tmp_path: Path) -> None:
+    commit = tmp_path / ".palpate-commit"
+    part = tmp_path / "part"
+    for folder, name in ((commit, "first"), (part, "second")):
+        folder.mkdir()
+        (folder / name).write_text(name)
+    output._commit(part, commit)
+    assert (tmp_path / "first").read_text() == "first"
+    assert [entry.name for entry in commit.iterdir()] == ["second"]
+    with pytest.raises(FileNotFoundError):
+        output._commit(part, commit)
+
+
+def test_leftovers_are_removed_through_no_link_and_of_no_living_writer(tmp_path: Path) -> None:
+    lowest, kept = _lowest_handle(tmp_path), tmp_path / "kept"
+    kept.write_text("x")
+    folder, link = tmp_path / ".a.abcdefgh.part", tmp_path / ".a.ABCDEFGH.part"
+    folder.mkdir()
+    (folder / "inner").write_text("x")
+    link.symlink_to(kept)
+    alive = tmp_path / ".a.12345678.part"
+    handle = os.open(alive, os.O_RDWR | os.O_CREAT)
+    try:
+        output._lock(handle)
+        output._lock(None)
+        output._remove_leftovers(tmp_path, "a")
+    finally:
+        os.close(handle)
+    assert {entry.name for entry in tmp_path.iterdir()} == {"kept", link.name, alive.name}
+    output._remove_leftovers(tmp_path, "a")
+    assert {entry.name for entry in tmp_path.iterdir()} == {"kept", link.name}
+    assert _lowest_handle(tmp_path) == lowest
+    output._remove_leftovers(tmp_path / "missing", "a")
+
+
+def test_without_locks_no_leftover_is_touched_and_files_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on Windows, where a part may be that of a living writer."""
+    monkeypatch.setattr(output, "fcntl", None)
+    (tmp_path / ".a.abcdefgh.part").write_text("x")
+    write_text(tmp_path / "a", "1")
+    write_folder(tmp_path, {"b": lambda part: part.write_text("2")})
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        ".a.abcdefgh.part": "x",
+        "a": "1",
+        "b": "2",
+    }
+
+
+def test_json_is_written_with_its_letters_and_refuses_what_json_has_not(tmp_path: Path) -> None:
+    path = write_json(tmp_path / "a.json", {"é": [1.5, None, True]})
+    assert path.read_text("utf-8") == '{\n "é": [\n  1.5,\n  null,\n  true\n ]\n}\n'
+    assert write_json(path, [1], None).read_text() == "[1]\n"
+    with pytest.raises(ValueError, match="JSON compliant"):
+        write_json(path, [float("nan")])
+    assert path.read_text() == "[1]\n"

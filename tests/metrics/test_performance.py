@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -25,7 +26,15 @@ from palpate.metrics import (
     ripple,
     vibration_threshold,
 )
-from palpate.metrics.performance import _bandwidth
+from palpate.metrics.performance import (
+    DirectionalPerformance,
+    Performance,
+    _bandwidth,
+    _least,
+    _precision,
+    _static_stiffness,
+    _transparent_up_to,
+)
 from palpate.scenario import Scenario
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import State
@@ -429,3 +438,284 @@ def test_the_ripple_is_that_of_the_quietest_half_second_in_contact(
     assert performance._ripple(scenario, short)[1].startswith("The run is unstable, it swings: ")
     run.completed = False
     assert performance._ripple(scenario, short)[1].startswith("The run diverges at 0.25 s: ")
+
+
+def test_a_line_of_the_spectrum_keeps_its_amplitude_whatever_the_drift() -> None:
+    """Sines on lines of the spectrum: exact amplitudes, each axis by itself, and a straight motion adds nothing."""
+    t = T * np.arange(1000)
+    waves = np.stack([3e-6 * np.sin(2 * np.pi * 60 * t), 4e-6 * np.cos(2 * np.pi * 60 * t), 0.0 * t], axis=1)
+    waves[:, 2] = 0.5e-6 * np.sin(2 * np.pi * 250 * t)
+    found = ripple(waves, T)
+    assert found.frequency[-1] == 499.0
+    np.testing.assert_allclose(np.diff(found.frequency), 1.0)
+
+    def amplitudes(motion: np.ndarray) -> dict[int, float]:
+        one = ripple(motion, T)
+        return {round(f): a for f, a in zip(one.frequency, one.amplitude, strict=True)}
+
+    at = amplitudes(waves)
+    assert (at[60], at[250]) == pytest.approx((5e-6, 0.5e-6), rel=1e-3)  # less the trend of the sine itself
+    np.testing.assert_allclose(found.threshold, vibration_threshold(found.frequency))
+    assert (found.worst, found.ratio) == (250.0, pytest.approx(5.0, rel=1e-4))
+    drifting = amplitudes(waves + np.outer(1.0 + 5.0 * t, [1.0, -2.0, 3.0]))
+    assert all(drifting[f] == pytest.approx(at[f], abs=1e-12) for f in range(58, 500))
+    even = 2e-6 * np.cos(2 * np.pi * 100 * (t - t.mean()))  # without a trend of its own
+    assert amplitudes(even)[100] == pytest.approx(2e-6, rel=1e-9)
+    assert str(found) == "The ripple is perceptible: 0.5 µm at 250 Hz, 5 times the threshold of a fingertip."
+    faint = replace(found, amplitude=0.1 * found.amplitude, ratio=0.5)
+    assert str(faint) == "The ripple is not perceptible: 0.05 µm at 250 Hz, 0.5 of the threshold of a fingertip."
+    assert [replace(found, ratio=ratio).perceptible for ratio in (1.0, 1.01)] == [False, True]
+
+
+@pytest.mark.parametrize(("samples", "lowest"), [(500, 20.0), (499, 20.0), (250, 40.0), (249, 40.0)])
+def test_a_ripple_needs_ten_periods_of_its_lowest_frequency(samples: int, lowest: float) -> None:
+    tip = np.random.default_rng(0).normal(size=samples)
+    if samples % 10:
+        with pytest.raises(StabilityError) as caught:
+            ripple(tip, T, lowest)
+        assert str(caught.value) == (
+            f"tip: {samples / 1e3:g} s is too short a stretch to resolve {lowest:g} Hz, which takes {10 / lowest:g} s"
+        )
+    else:
+        assert ripple(tip, T, lowest).frequency[0] >= lowest
+    with pytest.raises(StabilityError, match=r"^tip: a motion must be finite$"):
+        ripple(np.append(tip, np.nan), T, lowest)
+    with pytest.raises(StabilityError, match="period must be positive"):
+        ripple(tip, 0.0, lowest)
+
+
+@pytest.mark.parametrize("crossing", [0.2, 23.0, 311.0])
+def test_a_transparent_range_ends_at_the_last_of_a_thousand_steps_below_the_noticeable_difference(
+    crossing: float,
+) -> None:
+    """Between two frequencies of the grid, in steps of a 1024th of their ratio; 23 % belong to it."""
+    grid = np.geomspace(0.1, 499.0, 400)
+    ratio = math.log(4990.0) / 399 / 1024
+    steps = math.floor(math.log(crossing / 0.1) / ratio)
+    found = _transparent_up_to(grid, lambda f: 0.23 * np.asarray(f) / crossing)
+    assert found == pytest.approx(0.1 * math.exp(ratio * steps), rel=1e-9)
+    assert _transparent_up_to(grid, lambda f: np.full(len(f), 0.23)) == pytest.approx(499.0)
+    assert _transparent_up_to(grid, lambda f: np.where(f < 0.2, 0.2300001, 0.0)) == 0.0
+
+
+@pytest.mark.parametrize("least", [0.5, 1.234567, 3.3, 8.0])
+def test_the_least_of_a_band_is_found_within_a_four_thousandth_of_its_grid(least: float) -> None:
+    step = 7.5 / 599 / 4096
+    nearest = abs((least - 0.5) - step * round((least - 0.5) / step))
+    assert _least(lambda f: 5.0 + np.abs(f - least)) == pytest.approx(5.0 + nearest, abs=1e-12)
+    assert (_least(lambda f: f), -_least(lambda f: -f)) == pytest.approx((0.5, 8.0))
+
+
+def test_a_gain_falls_by_3_db_from_that_at_the_first_frequency() -> None:
+    """Linear in the logarithm of the frequency between two; a gain that touches the level does not fall below it."""
+    f = np.array([1.0, 10.0, 100.0, 1000.0])
+    level = 2.0 / np.sqrt(2.0)
+    assert _bandwidth(f, np.array([2.0, 1.5, 1.0, 0.1])) == pytest.approx(10.0 ** (1.0 + (1.5 - level) / 0.5))
+    assert _bandwidth(f, np.array([2.0, 1.0, 3.0, 0.1])) == pytest.approx(10.0 ** (2.0 - level))
+    assert _bandwidth(f, np.array([2.0, 2.0, level, level])) == np.inf
+
+
+def test_a_static_stiffness_is_that_at_a_thousandth_of_a_hertz_unless_it_doubles() -> None:
+    def loop(slow: complex, slower: complex) -> Any:
+        values = {2e-3: slow, 1e-3: slower}
+        return SimpleNamespace(
+            displacement=lambda f: np.array([np.diag([1.0 / values[one], 1.0, 1.0]) for one in f]),
+            reference=lambda f: np.array([np.diag([values[one], 1.0, 1.0]) for one in f]),
+            desired=lambda f: np.array([np.diag([values[one], 1.0, 1.0]) for one in f]),
+        )
+
+    x = np.array([1.0, 0.0, 0.0])
+    assert _static_stiffness(loop(100.0, 149.0 + 1j), x) == pytest.approx(149.0)
+    assert _static_stiffness(loop(100.0, 151.0), x) == np.inf
+    assert _static_stiffness(loop(100j, 151j), x) == np.inf
+    for value, error in ((0.75 + 1j, 0.25), (1.5, 0.5)):
+        assert _precision(loop(100.0, value), x, None) == pytest.approx(error)
+    for static, error in ((300.0, 0.5), (100.0, 0.5)):
+        assert _precision(loop(7.0, 200.0 + 9j), x, static) == pytest.approx(error)
+
+
+def test_a_direction_of_the_slider_in_closed_form() -> None:
+    """Every number of one direction from the formulas of a mass behind a hold, and as JSON."""
+    tables = slider("80 N/m", "0.5 N*s/m", 1, run={"duration": "20 ms"}, title="it")
+    found = measure_performance(tables)
+    (one,) = found.along
+    loop = response(tables)
+    f = np.geomspace(0.1, 499.0, 400)
+    s, z = 2j * np.pi * f, np.exp(2j * np.pi * f * T)
+    np.testing.assert_allclose(one.frequency, f)
+    np.testing.assert_allclose(one.rendered, felt(tables, f), rtol=1e-9)
+    np.testing.assert_allclose(one.desired, 80.0 + 0.5 * s, rtol=1e-9)
+    np.testing.assert_allclose(one.free, MASS * s**2 + B * s, rtol=1e-9)
+    np.testing.assert_allclose(one.impedance, felt(tables, f) / s, rtol=1e-9)
+    assert one.direction == (1.0, 0.0, 0.0)
+    assert one.static_stiffness == pytest.approx(felt(tables, [1e-3])[0].real, rel=1e-9)
+    assert one.precision == pytest.approx(abs(one.static_stiffness / 80.0 - 1.0))
+    arm = HumanArm(0.15, 4.5, 560.0, 500.0, 0.5)
+    assert one.bandwidth == pytest.approx(_bandwidth(f, np.abs(loop.transmitted(f, arm, [1, 0, 0]))))
+    assert one.rate_hardness == pytest.approx(rate_hardness(loop, [1, 0, 0]))
+    assert one.rate_hardness == pytest.approx(rate_hardness(loop, [-7.0, 0, 0]))
+    assert abs(z[0]) == pytest.approx(1.0)
+    whole = found.to_dict()
+    direction = whole["directions"][0]
+    assert direction == {
+        "direction": [1.0, 0.0, 0.0],
+        "static_stiffness_N_per_m": one.static_stiffness,
+        "stiffness_0.5_to_8_Hz_N_per_m": list(one.band_stiffness),
+        "transparency_bandwidth_Hz": one.transparency_bandwidth,
+        "rate_hardness_N_per_m": one.rate_hardness,
+        "force_bandwidth_Hz": one.bandwidth,
+        "static_precision": one.precision,
+        "frequency_Hz": one.frequency.tolist(),
+        "impedance_real_N_s_per_m": one.impedance.real.tolist(),
+        "impedance_imag_N_s_per_m": one.impedance.imag.tolist(),
+    }
+    assert (whole["title"], whole["ripple"]) == ("it", None)
+    assert whole["remark"] == found.remark == "The contact is shorter than 0.5 s: too short to measure the ripple."
+
+
+def test_a_loop_that_tracks_a_force_has_the_bandwidth_of_its_reference_and_no_rate_hardness() -> None:
+    tables = slider("80 N/m", "0.5 N*s/m")
+    tables["servo"]["topology"] = "force_tracking"
+    del tables["operator"]
+    tables |= {"reference": {"force": ["0.1 N", "0 N", "0 N"]}, "run": {"duration": "20 ms"}}
+    (one,) = measure_performance(tables).along
+    loop, f = response(tables), np.geomspace(0.1, 499.0, 400)
+    assert np.isnan(one.rate_hardness)
+    assert one.bandwidth == pytest.approx(_bandwidth(f, np.abs(loop.reference(f)[:, 0, 0])))
+    assert one.precision == pytest.approx(abs(loop.reference([1e-3])[0, 0, 0].real - 1.0), abs=1e-12)
+
+
+def test_performance_is_written_with_null_for_what_is_not_finite(tmp_path: Path) -> None:
+    device = measure_performance(slider(run={"duration": "20 ms"})).device
+    one = DirectionalPerformance(
+        (0.0, 0.0, 1.0), np.array([1.0]), np.array([1j]), np.array([2j]), np.array([3j]),
+        np.inf, (1.0, np.inf), 2.0, np.nan, np.inf, np.inf,
+    )  # fmt: skip
+    line = ripple(1e-6 * np.sin(2 * np.pi * 250 * T * np.arange(1000)), T)
+    whole = Performance("it", "impedance_display", np.inf, (one,), line, "said", device).to_dict()
+    assert whole["hold_bandwidth_Hz"] is None
+    assert whole["ripple"] == {"frequency_Hz": 250.0, "over_threshold": line.ratio, "perceptible": True}
+    direction = whole["directions"][0]
+    assert [direction[key] for key in (
+        "static_stiffness_N_per_m", "stiffness_0.5_to_8_Hz_N_per_m", "transparency_bandwidth_Hz",
+        "rate_hardness_N_per_m", "force_bandwidth_Hz", "static_precision",
+    )] == [None, [1.0, None], 2.0, None, None, None]  # fmt: skip
+    assert whole["device"] == {
+        "peak_force_N": [None if np.isinf(x) else x for x in device.peak_force],
+        "continuous_force_N": [None if np.isinf(x) else x for x in device.continuous_force],
+        "peak_acceleration_m_per_s2": [None if np.isinf(x) else x for x in device.peak_acceleration],
+        "tip_mass_kg": list(device.tip_mass),
+        "kinematic_isotropy": device.kinematic_isotropy,
+        "inertial_isotropy": device.inertial_isotropy,
+        "moving_force_N": list(device.moving_force),
+        "dynamic_range_dB": None if np.isinf(device.dynamic_range) else device.dynamic_range,
+        "resolution_m": device.resolution,
+    }
+    made = Performance("it", "impedance_display", np.inf, (one,), None, "said", device)
+    assert json.loads(made.save(tmp_path / "a.json").read_text())["ripple"] is None
+    with pytest.raises(ValueError, match=r"performance is saved as \.json"):
+        made.save(tmp_path / "a.csv")
+
+
+ARM_LOOP: dict[str, Any] = {
+    "device": {"name": "phantom-premium-1.5a", "delay": 1},
+    "start": {"pose": ["0.2 rad", "2.1 rad", "3.2 rad"]},
+    "servo": {"period": "1 ms", "topology": "impedance_display"},
+}
+
+
+@pytest.mark.parametrize("coupling", ["backward", "bilinear"])
+def test_an_object_before_a_controller_acts_by_its_sampled_law(coupling: str) -> None:
+    """The closed loop is written out by a solve at the tip: x = (1 - R z^-n C O)^-1 ... for one frequency at a time."""
+    tables = {
+        **ARM_LOOP,
+        "object": {"kind": "spring", "stiffness": ["300 N/m", "100 N/m", "50 N/m"], "coupling": coupling,
+                   "damping": ["1 N*s/m", "0.5 N*s/m", "0 N*s/m"]},
+        "operator": {"kind": "force", "force": ["0.1 N", "0 N", "0 N"]},
+    }  # fmt: skip
+    one = np.eye(3)
+    turn = np.array([[0.6, 0.2, 0.0], [-0.1, 0.7, 0.1], [0.0, 0.3, 0.5]])
+    tables["controller"] = {
+        "kind": "state_space", "A": (0.6 * one).tolist(), "B": np.hstack([0 * one, one]).tolist(),
+        "C": (-0.15 * turn).tolist(), "D": np.hstack([0 * one, -0.5 * turn]).tolist(),
+    }  # fmt: skip
+    loop = replace(response(tables), gravity_compensation=False)
+    assert loop.coupling == coupling
+    jacobian = loop.device.jacobian(loop.pose)
+    stiffness, damping = np.diag([300.0, 100.0, 50.0]), np.diag([1.0, 0.5, 0.0])
+    for f in (1.0, 30.0, 210.0):
+        z = np.exp(2j * np.pi * f * T)
+        rate = (1 - 1 / z) / T if coupling == "backward" else 2 / T * (z - 1) / (z + 1)
+        law = (-0.5 * turn - 0.15 * turn / (z - 0.6)) @ (stiffness + rate * damping)
+        free = jacobian @ loop._device(np.array([f]))[0] @ jacobian.T
+        held = jacobian @ loop._sampled(np.array([f]))[0] @ jacobian.T
+        samples = np.linalg.solve(one - held @ law / z, free)
+        expected = free + hold_response([f], T)[0] / z * free @ law @ samples
+        np.testing.assert_allclose(loop.displacement([f])[0], expected, rtol=1e-8, atol=1e-12)
+        np.testing.assert_allclose(loop.desired(np.array([f]))[0], stiffness + 2j * np.pi * f * damping)
+        np.testing.assert_allclose(loop.displacement([f], object_on=False)[0], free, rtol=1e-9, atol=1e-15)
+
+
+def test_the_force_of_an_object_per_reference_is_that_of_the_loop_at_the_tip() -> None:
+    one = np.eye(3)
+    turn = np.array([[0.6, 0.2, 0.0], [-0.1, 0.7, 0.1], [0.0, 0.3, 0.5]])
+    tables = {
+        **ARM_LOOP,
+        "servo": {"period": "1 ms"},
+        "reference": {"force": ["0.1 N", "0 N", "0 N"]},
+        "object": {"kind": "spring", "stiffness": ["300 N/m", "100 N/m", "50 N/m"], "damping": "0.5 N*s/m"},
+        "controller": {
+            "kind": "state_space", "A": (0.6 * one).tolist(), "B": np.hstack([turn, one]).tolist(),
+            "C": (0.3 * one).tolist(), "D": np.hstack([0.8 * one, -0.5 * turn]).tolist(),
+        },
+    }  # fmt: skip
+    loop = replace(response(tables), gravity_compensation=False)
+    jacobian = loop.device.jacobian(loop.pose)
+    for f in (1.0, 30.0, 210.0):
+        z = np.exp(2j * np.pi * f * T)
+        touched = np.diag([300.0, 100.0, 50.0]) + (1 - 1 / z) / T * 0.5 * one
+        forward = 0.8 * one + 0.3 * turn / (z - 0.6)
+        back = (-0.5 * turn + 0.3 * one / (z - 0.6)) @ touched
+        held = jacobian @ loop._sampled(np.array([f]))[0] @ jacobian.T / z
+        expected = touched @ np.linalg.solve(one - held @ back, held @ forward)
+        np.testing.assert_allclose(loop.reference([f])[0], expected, rtol=1e-8, atol=1e-12)
+
+
+@pytest.mark.parametrize("design", [None, (400.0, 100.0, 50.0), (201.0, 200.0, 200.0)])
+def test_a_wall_acts_along_its_normal_alone(design: tuple[float, ...] | None) -> None:
+    """A normalized controller sees its own stiffness on each axis, and the damping in that ratio."""
+    normal = np.array([0.6, 0.0, 0.8])
+    wall = {"kind": "wall", "normal": normal.tolist(), "stiffness": "200 N/m", "damping": "2 N*s/m"}
+    scenario = Scenario.from_dict({**ARM_LOOP, "object": wall, "operator": {"kind": "none"}})
+    law = replace(LoopResponse.of(scenario).controller, design_stiffness=None if design is None else np.array(design))
+    loop = LoopResponse.of(scenario, law)
+    k = 200.0 if design is None else 0.36 * design[0] + 0.64 * design[2]
+    np.testing.assert_allclose(loop.stiffness, k * np.outer(normal, normal), atol=1e-9)
+    np.testing.assert_allclose(loop.damping, 0.01 * k * np.outer(normal, normal), atol=1e-12)
+    assert loop.controller is law
+    assert (loop.period, loop.delay, loop.coupling, loop.gravity_compensation) == (T, 1, "backward", True)
+    np.testing.assert_allclose(loop.pose, [0.2, 2.1, 3.2])
+
+
+def test_a_soft_object_and_a_damper_alone_act_in_their_directions() -> None:
+    tables = {**ARM_LOOP, "operator": {"kind": "none"}}
+    soft = {
+        "kind": "spring",
+        "stiffness": ["0.5 N/m", "0 N/m", "0 N/m"],
+        "damping": ["0 N*s/m", "0.2 N*s/m", "0 N*s/m"],
+    }
+    loop = response({**tables, "object": soft})
+    np.testing.assert_array_equal(loop.directions(), np.eye(3)[:2])
+    equal = {**soft, "damping": ["0.5 N*s/m", "0.2 N*s/m", "0 N*s/m"]}
+    np.testing.assert_array_equal(response({**tables, "object": equal}).directions(), np.eye(3)[:2])
+    device = SimpleNamespace(jacobian=lambda _: np.diag([1e-9, 2e-10, 1e-19]))
+    small: Any = SimpleNamespace(stiffness=np.eye(3), damping=0 * np.eye(3), device=device, pose=None)
+    np.testing.assert_array_equal(LoopResponse.directions(small), np.eye(3)[:2])
+    guarded = {**tables, "object": soft, "guard": {"kind": "half_sample"}}
+    with pytest.raises(StabilityError, match="a guard makes the loop nonlinear"):
+        response(guarded)
+    for wrong in ([0.0], [500.0], [-1.0], [1.0, 500.1]):
+        with pytest.raises(
+            StabilityError, match=r"^frequencies must lie above 0 and below half the sampling rate, 500 Hz$"
+        ):
+            loop.displacement(wrong)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import h5py
 import numpy as np
 import pytest
-from palpate.errors import PalpateWarning
+from palpate.errors import OutputError, PalpateError, PalpateWarning
 from palpate.files.hdf5_input import read_seal
-from palpate.sweeps import SweepError, merge
+from palpate.sweeps import State, SweepError, merge, store
 from palpate.sweeps.outcomes import QUANTITIES
 from palpate.sweeps.plan import Plan
 from palpate.sweeps.run import plan_of
-from palpate.sweeps.store import FileStore, MemoryStore, read
+from palpate.sweeps.store import FileStore, MemoryStore, read, tally
 from resealed import reseal
 
 SLIDER: dict[str, Any] = {
@@ -129,3 +131,125 @@ def test_a_file_whose_seal_leaves_out_other_ranges_than_its_datasets_is_refused(
                 read(path)
         else:
             read(path)
+
+
+def test_a_file_is_flushed_after_sixteen_megabytes_and_when_it_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flushed: list[int] = []
+    of = plan()
+    size = sum(8 * columns for columns, _, _ in QUANTITIES.values())
+    values = outcomes(of)
+    with FileStore(tmp_path / "a.h5", of) as open_file:
+        assert open_file.path == tmp_path / "a.h5"
+        monkeypatch.setattr("palpate.sweeps.store.os.fsync", flushed.append)
+        assert store._SYNC == 2**24
+        monkeypatch.setattr(store, "_SYNC", 2 * size * of.chunk)
+        counts = []
+        for chunk in (0, 1, 2, 0, 1, 2):
+            open_file.put(chunk, chunk_of(of, chunk, values))
+            counts.append(len(flushed))
+        assert counts == [0, 0, 1, 1, 1, 2]
+    assert len(flushed) == 3
+    assert len(set(flushed)) == 1
+
+
+def test_a_disk_that_refuses_is_one_sentence_and_keeps_what_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    of, values = plan(), outcomes(plan())
+    path = tmp_path / "a.h5"
+    told = f"{path}: cannot be written: No space left on device; what is done is kept"
+
+    def refuse(*_: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    open_file = FileStore(path, of)
+    open_file.put(0, chunk_of(of, 0, values))
+    with monkeypatch.context() as patch:
+        patch.setattr("palpate.sweeps.store.write_at", refuse)
+        with pytest.raises(OutputError) as caught:
+            open_file.put(1, chunk_of(of, 1, values))
+        assert str(caught.value) == told
+        patch.setattr("palpate.sweeps.store.os.fsync", refuse)
+        with pytest.raises(OutputError) as caught:
+            open_file.close()
+        assert str(caught.value) == told
+    with FileStore(path, of) as again:  # the handle was closed, and its lock with it
+        assert again.missing() == list(range(1, of.chunks))
+    monkeypatch.setattr("palpate.sweeps.store._structure", lambda _: (of, {}))
+    monkeypatch.setattr("palpate.sweeps.store.os.open", refuse)
+    for opening, says in ((lambda: FileStore(path, of), "cannot be written"), (lambda: read(path), "cannot be read")):
+        with pytest.raises(PalpateError) as refused:
+            opening()
+        assert str(refused.value) == f"{path}: {says}: No space left on device"
+
+
+def test_the_file_tells_other_programs_what_it_holds(tmp_path: Path) -> None:
+    """Axes with their units and places in the shape, and the meaning of every data set."""
+    tables = {**SLIDER, "title": "it"}
+    of = plan_of(tables, {"object.coupling": ["backward", "bilinear"], "object.stiffness": [1.0, 2.0, 3.0]}, draws=2)
+    path = filled(tmp_path / "a.h5", of, [], {})
+    with h5py.File(path) as file:
+        assert (file.attrs["sweep"], file.attrs["title"]) == (of.text(), "it")
+        assert file.attrs["shape"].tolist() == [2, 3, 2]
+        words, numbers = file["over/object.coupling"], file["over/object.stiffness"]
+        assert [word.decode() for word in words[()]] == ["backward", "bilinear"]
+        assert numbers[()].tolist() == [1.0, 2.0, 3.0]
+        assert [(one.attrs["unit"], int(one.attrs["dimension"])) for one in (words, numbers)] == [("", 0), ("N/m", 1)]
+        for name, (columns, unit, meaning) in QUANTITIES.items():
+            data = file[name]
+            assert (data.attrs["unit"], data.attrs["meaning"]) == (unit, meaning)
+            assert data.shape == ((12, columns) if columns > 1 else (12,))
+            assert np.isnan(data[()]).all()
+        assert file["done"][()].tolist() == [0]
+        assert file["done"].attrs["meaning"].startswith("of each chunk of cells: 0 not run, else 2^32 plus")
+    with pytest.raises(KeyError):
+        read(path)[1]["over"]
+    assert len(read(path)[1]) == len(QUANTITIES)
+
+
+def test_the_mark_of_a_chunk_is_2_to_the_32_plus_the_crc_of_its_number_and_cells(tmp_path: Path) -> None:
+    of, values = plan(), outcomes(plan())
+    path = filled(tmp_path / "a.h5", of, [1], values)
+    crc = zlib.crc32(b"1")
+    for name in QUANTITIES:
+        crc = zlib.crc32(np.ascontiguousarray(chunk_of(of, 1, values)[name], dtype="<f8").tobytes(), crc)
+    with h5py.File(path) as file:
+        assert file["done"][()].tolist() == [0, 2**32 + crc, *[0] * (of.chunks - 2)]
+
+
+def test_the_states_of_a_file_are_counted(tmp_path: Path) -> None:
+    of, values = plan(), outcomes(plan())
+    values["verdict"] = np.arange(of.count) % 5 * 1.0
+    path = filled(tmp_path / "a.h5", of, [0], values)
+    counted = [int(np.count_nonzero(values["verdict"][: of.chunk] == state.value)) for state in State]
+    assert tally(path) == counted
+    assert sum(counted) == of.chunk
+
+
+def test_space_for_all_cells_is_reserved_before_the_first_is_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    real = store.write_hdf5
+    monkeypatch.setattr(store, "write_hdf5", lambda path, fill, reserve: asked.append(reserve) or real(path, fill))
+    of = plan()
+    filled(tmp_path / "a.h5", of, [], {})
+    numbers = sum(columns for columns, _, _ in QUANTITIES.values())
+    assert asked == [8 * numbers * of.count + 8 * of.chunks + 2 * len(of.text()) + 65536]
+    assert (tmp_path / "a.h5").stat().st_size < asked[0]
+
+
+def test_a_system_without_locks_writes_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    of = plan()
+    monkeypatch.setattr(store, "fcntl", None)
+    with FileStore(tmp_path / "a.h5", of), FileStore(tmp_path / "a.h5", of) as other:
+        assert other.missing() == list(range(of.chunks))
+
+    def unsupported(*_: object) -> None:
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr(store, "fcntl", SimpleNamespace(flock=unsupported, LOCK_EX=2, LOCK_NB=4))
+    with FileStore(tmp_path / "a.h5", of) as alone:
+        assert len(alone.missing()) == of.chunks

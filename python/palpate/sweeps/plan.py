@@ -114,7 +114,7 @@ class Plan:
             random = {path: stored_limits(path, *limits) for path, limits in raw["random"].items()}
             Scenario.from_dict(raw["scenario"])
             plan = cls(raw["scenario"], axes, random, raw["draws"], raw["seed"], raw["design"])
-            whole = all(type(number) is int and number >= 0 for number in (plan.draws, plan.seed))
+            whole = all(type(one) is int and one >= least for one, least in ((plan.draws, 1), (plan.seed, 0)))
             if not axes or not whole or plan.design not in ("cell", "once") or not 1 <= plan.count <= LARGEST:
                 raise ValueError("a number or word of it is not that of a sweep")
         except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as problem:
@@ -241,7 +241,11 @@ class Plan:
         for row, cell in enumerate(cells):
             generator = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(int(cell),)))
             for path in sorted(self.random):  # `text` sorts them too
-                out[path][row] = generator.uniform(*self.random[path])
+                low, high = self.random[path]
+                if COLUMNS[key_of(path)][1]:
+                    out[path][row] = generator.uniform(low, high)
+                else:
+                    out[path][row] = generator.integers(int(low), int(high), endpoint=True)  # a delay or a seed
         return out
 
 

@@ -91,6 +91,7 @@ class SolverOf final : public AnyQuasiStaticSolver {
   }
 
   void displacement(double* to) const override { solver_.displacement(to); }
+  [[nodiscard]] Vector3<> normal_near(const Vector3<>& place) const override { return solver_.normal_near(place); }
   [[nodiscard]] double energy() override { return solver_.energy(); }
   void reset() override { solver_.reset(); }
   void set_clock(std::int64_t tick) override { solver_.set_clock(tick); }

@@ -19,9 +19,10 @@ namespace palpate::object {
 /// time a model update lasts `update_interval` ticks: it uses the tip position of the first tick and is published after the last.
 ///
 /// `Solver` is that of MultirateCoupling, and provides
-///   std::unique_ptr<Solver> clone_at_rest() const   copy at rest with its own state
+///   std::unique_ptr<Solver> clone_at_rest() const          copy at rest with its own state
+///   Vector3<> normal_near(const Vector3<>& place) const    of the surface, outward; unless its contacts provide outward(tip)
 /// and optionally, for an observer,
-///   void displacement(double* to) const             of all points, 3 x point + axis, m
+///   void displacement(double* to) const                    of all points, 3 x point + axis, m
 /// `Slip` is the friction on the solver's local models, see LocalModelSlip.
 template <class Solver, class Slip = deformable::LocalModelSlip>
 class MultirateObject final : public DeformableObject {
@@ -57,10 +58,12 @@ class MultirateObject final : public DeformableObject {
   [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept override {
     if constexpr (requires { coupling_.model_switch().current_contact().outward(tip); })
       return coupling_.model_switch().current_contact().outward(tip);
+    else if (result_.nodes > 0)
+      return outward_;
+    else if (const auto& near = coupling_.current_model().nodes; near.size() > 0)
+      return near.normal(near.nearest(tip.center));
     else
-      return result_.nodes > 0
-                 ? outward_
-                 : deformable::estimate_outward(coupling_.current_model().nodes, tip, 0, [](int) { return Vector3<>(Vector3<>::Zero()); });
+      return coupling_.solver().normal_near(tip.center);
   }
   [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override {
     return std::make_unique<MultirateObject>(coupling_.solver().clone_at_rest(), update_interval_, slip_at_rest());

@@ -45,6 +45,7 @@ struct Solver {
   auto step(const palpate::deformable::TipPair& tips, palpate::deformable::LocalModel& to) { return solid.step(tips, to); }
   void reset() { solid.reset(); }
   void displacement(double* to) const { solid.displacement(to); }
+  [[nodiscard]] palpate::math::Vector3<> normal_near(const palpate::math::Vector3<>& place) const { return solid.normal_near(place); }
   [[nodiscard]] std::unique_ptr<Solver> clone_at_rest() const { return std::make_unique<Solver>(*this); }
 };
 

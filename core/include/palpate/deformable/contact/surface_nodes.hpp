@@ -194,6 +194,14 @@ class SurfaceNodes {
     return found;
   }
 
+  /// Return the node nearest to `place` [m]; -1 without nodes. Tests every node; meant for small node sets.
+  [[nodiscard]] std::int32_t nearest(const Vector3<>& place) const noexcept {
+    const auto found = std::min_element(records_.begin(), records_.end(), [&](const NodeRecord& a, const NodeRecord& b) {
+      return (a.point - place).squaredNorm() < (b.point - place).squaredNorm();
+    });
+    return found == records_.end() ? -1 : found->node;
+  }
+
   /// Contact geometry of a node. A sphere acts on the nodes below or inside it.
   ///
   /// A node beyond the upper side of the sphere stays in contact only if the sphere passed over it: its normal must be within 53 degrees of

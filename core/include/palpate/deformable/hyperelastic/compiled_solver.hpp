@@ -55,6 +55,8 @@ class AnyQuasiStaticSolver {
   virtual ModelUpdateReport step(const TipPair& tips, LocalModel& to) = 0;
   /// Write the displacements of all points, 3 x point + axis, m.
   virtual void displacement(double* to) const = 0;
+  /// Return the outward normal of the surface at the contact node that is nearest to a place [m].
+  [[nodiscard]] virtual Vector3<> normal_near(const Vector3<>& place) const = 0;
   [[nodiscard]] virtual double energy() = 0;
   virtual void reset() = 0;
   /// For bodies with inertia or relaxation, see MultirateCoupling.

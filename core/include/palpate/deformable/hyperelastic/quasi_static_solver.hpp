@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -88,6 +89,18 @@ class QuasiStaticSolver {
                   to + 3 * point);
   }
   [[nodiscard]] const LocalModel& local_model() const noexcept { return current_; }
+  /// Outward normal of the surface at the contact node that is nearest to a place [m] in the present state.
+  [[nodiscard]] Vector3<> normal_near(const Vector3<>& place) const {
+    std::int32_t nearest = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::int32_t i = 0; i < static_cast<std::int32_t>(surface_.point.size()); ++i) {
+      const double square = (rest(i) + displacement_of(i) - place).squaredNorm();
+      if (square >= least) continue;
+      nearest = i;
+      least = square;
+    }
+    return normal(nearest);
+  }
   /// Energy of the body and its layer after the last step, kinetic energy included, J.
   [[nodiscard]] double energy() const noexcept {
     return dynamics_.enabled() ? state_energy_ : model_.energy() + tips_contact_.energy(model_.displacement());

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ import pytest
 import trimesh
 from palpate import Proxy, Surface
 from palpate.contact import Mesh, MeshError
-from palpate.contact.diagnosis import format_size
+from palpate.contact.diagnosis import Diagnosis, format_size
+from palpate.contact.mesh import weld
 from touch_shapes import ball, box
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -176,3 +178,146 @@ def test_a_point_without_a_distance_has_no_nearest_point(bad: float) -> None:
 )
 def test_a_size_is_shown_in_mm_below_one_meter(size: tuple[float, float, float], shown: str) -> None:
     assert format_size(size) == shown
+
+
+def test_close_vertices_become_the_first_of_them_in_the_order_of_their_use() -> None:
+    """Chains become one; the distance is a millionth of the extent."""
+    points = np.array([
+        [0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 12.0, 0.0],  # an extent of 15
+        [0.0, 0.0, 14e-6], [0.0, 0.0, 28e-6], [9.0, 16e-6, 0.0], [9.0, 0.0, 0.0], [0.0, 12.0, 14.9e-6],
+    ])  # fmt: skip
+    faces = np.array([[4, 6, 7], [0, 5, 2], [3, 1, 2]])
+    merged, found = weld(points, faces)
+    np.testing.assert_array_equal(merged, points[[0, 1, 2, 5]])
+    np.testing.assert_array_equal(found, [[0, 1, 2], [0, 3, 2], [0, 1, 2]])
+    far, same = weld(points, faces, 0.0)
+    np.testing.assert_array_equal(far, points[[0, 1, 2, 3, 4, 5, 7]])
+    np.testing.assert_array_equal(same, [[4, 1, 6], [0, 5, 2], [3, 1, 2]])
+    for scale in (1e-3, 1e3):
+        np.testing.assert_array_equal(weld(scale * points, faces)[1], found)
+    order = np.random.default_rng(0).permutation(len(points))
+    shuffled = np.empty_like(points)
+    shuffled[order] = points
+    again, mixed = weld(shuffled, order[faces])
+    assert len(again) == 4
+    apart = np.linalg.norm(again[mixed] - merged[found], axis=-1)
+    assert apart.max() <= 30e-6
+
+
+def test_the_arrays_of_a_mesh_cannot_be_written() -> None:
+    mesh = Mesh(CORNERS, TETRAHEDRON)
+    for _ in range(2):
+        for array in (mesh.vertices, mesh.triangles):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0, 0] = 1
+        mesh.move([[2.0, 0.0, 0.0]], [1])
+        np.testing.assert_array_equal(mesh.vertices[1], [2.0, 0.0, 0.0])
+    mesh.move([[1.0, 0.0, 0.0]], 1)
+    np.testing.assert_array_equal(mesh.vertices, CORNERS)
+    for vertices, says in (([4], "vertex indices are 0 to 3; given are 4 to 4"), ([-1], "given are -1 to -1")):
+        with pytest.raises(MeshError, match=says):
+            mesh.move([[0.0, 0.0, 0.0]], vertices)
+    mesh.move([[0.0, 0.0, 3.0]], [3])
+    assert mesh.vertices[3, 2] == 3.0
+    with pytest.raises(MeshError, match=r"^triangle 0 would have no area there; nothing was moved$"):
+        mesh.move([[0.0, 0.0, 0.0]], [2])
+
+
+def test_the_first_triangle_and_the_first_point_count_as_others() -> None:
+    """Their number is zero, and they are touched, found and refused like the others."""
+    mesh = Mesh(CORNERS, TETRAHEDRON)
+    below = np.array([[0.2, 0.2, -1.0], [0.3, 0.1, -2.0], [-1.0, 0.2, 0.2]])
+    at, faces = mesh.nearest(below)
+    np.testing.assert_allclose(at, [[0.2, 0.2, 0.0], [0.3, 0.1, 0.0], [0.0, 0.2, 0.2]], atol=1e-12)
+    np.testing.assert_array_equal(faces, [0, 0, 3])
+    contacts = Proxy(mesh).simulate_path([[0.2, 0.2, -0.1], [0.2, 0.2, 0.1], [0.2, 0.2, -0.1]])
+    assert contacts.triangle.tolist() == [-1, 0, -1]
+    assert contacts.touching.tolist() == [False, True, False]
+    assert contacts[1].touching
+    assert contacts[1].depth == pytest.approx(0.1)
+    assert len(contacts) == 3
+
+
+def test_a_diagnosis_names_each_defect_that_there_is() -> None:
+    none = dict.fromkeys(
+        ("open_edges", "non_manifold_edges", "mixed_winding_edges", "degenerate", "duplicate", "self_intersections"), 0
+    )
+    size = (1.0, 0.5, 0.25)
+    clean = Diagnosis(12, 8, 1, size, 0.125, **none)
+    assert str(clean) == "12 triangles, 8 vertices, 1 part\n1 × 0.5 × 0.25 m along x, y and z\nclosed, 0.125 m^3"
+    assert (clean.closed, clean.clean) == (True, True)
+    names = {
+        "open_edges": "open edges (a border)",
+        "non_manifold_edges": "edges with more than two triangles",
+        "mixed_winding_edges": "edges between triangles of opposite orientation",
+        "degenerate": "triangles without area",
+        "duplicate": "repeated triangles",
+        "self_intersections": "edges that intersect a triangle",
+        "pinched_vertices": "vertices at which parts meet in a point only",
+    }
+    for key, name in names.items():
+        found = Diagnosis(**{**vars(clean), key: 1, "components": 2, "repairs": ("it",)})
+        end = "" if key == "open_edges" else "closed, 0.125 m^3\n"
+        assert str(found) == (
+            f"12 triangles, 8 vertices, 2 parts\n1 × 0.5 × 0.25 m along x, y and z\n1 {name}\n{end}repaired: it"
+        )
+        assert found.closed is (key != "open_edges")
+        assert not found.clean
+    unknown = Diagnosis(**{**vars(clean), "self_intersections": -1})
+    assert not unknown.clean
+    assert "intersect" not in str(unknown)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"), [("obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"), ("off", "OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n")]
+)
+def test_a_file_without_triangles_is_refused(kind: str, text: str, tmp_path: Path) -> None:
+    path = tmp_path / f"none.{kind}"
+    path.write_text(text)
+    with pytest.raises(MeshError) as caught:
+        Mesh.load(path, unit="mm")
+    told = str(caught.value)
+    assert told.startswith(f"{path}: ")
+    assert "the file has no triangles that can be read" in told or "not a readable" in told
+
+
+def test_a_broken_file_is_refused_without_a_word_of_its_reader(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a logger without handlers Python prints warnings to the terminal."""
+    monkeypatch.setattr(logging.getLogger("trimesh"), "handlers", [])
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])
+    (tmp_path / "a.stl").write_bytes(b"solid" + b"\0" * 79)
+    with pytest.raises(MeshError, match=r"a\.stl: "):
+        Mesh.load(tmp_path / "a.stl", unit="mm")
+    assert logging.getLogger("trimesh").handlers
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_parts_of_a_repair_are_counted_in_words() -> None:
+    twice = np.vstack([TETRAHEDRON, TETRAHEDRON[:1], [[1, 1, 2]]])
+    assert Mesh(CORNERS, twice).diagnose().repairs == (
+        "1 triangle without area dropped",
+        "1 triangle repeated and dropped",
+    )
+    turned = TETRAHEDRON.copy()
+    turned[:2] = turned[:2, ::-1]
+    (repair,) = Mesh(CORNERS, turned).diagnose().repairs
+    assert repair == "2 triangles flipped"
+    for broken, says in (
+        (
+            np.vstack([TETRAHEDRON, [[1, 1, 2]]]),
+            "without area (1, the first is triangle 4): drop them, or use repair=True",
+        ),
+        (np.vstack([TETRAHEDRON, TETRAHEDRON[1:2]]), "that repeat another one (1, the first is triangle"),
+        (TETRAHEDRON[1:], "at a border ("),
+        (turned, "oriented opposite to a neighbor ("),
+    ):
+        with pytest.raises(MeshError) as caught:
+            Mesh(CORNERS, broken, repair=False)
+        assert f"the mesh has triangles {says}" in str(caught.value)
+    assert Mesh(CORNERS, TETRAHEDRON[1:], open=True).open is True
+    assert Mesh(CORNERS, TETRAHEDRON[1:], open=True).closed is False
+    assert repr(Mesh(CORNERS, TETRAHEDRON[1:], open=True)) == "<Mesh: 3 triangles, 1 × 1 × 1 m, open>"
+    assert repr(Mesh(CORNERS, TETRAHEDRON)) == "<Mesh: 4 triangles, 1 × 1 × 1 m>"
+    assert Mesh(CORNERS, TETRAHEDRON).extent == pytest.approx(np.sqrt(3.0))

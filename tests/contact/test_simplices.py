@@ -8,6 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from palpate.contact.simplices import (
+    adjacent_faces,
     area_vectors,
     boundary,
     components,
@@ -83,3 +84,23 @@ def test_unique_rows_are_those_of_numpy_in_its_order(values: list[list[float]]) 
 def test_cross_products_have_the_bits_of_numpy() -> None:
     a, b = np.random.default_rng(5).normal(size=(2, 100, 3))
     np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
+
+
+def test_faces_and_pairs_are_in_the_order_of_their_rows() -> None:
+    """The first column decides, then the next; a boundary keeps the order of the faces of its tetrahedra."""
+    rows = np.array([[2, 0], [0, 2], [1, 1], [0, 1], [2, 0], [0, 2], [0, 2]])
+    one, two = equal_neighbors(rows)
+    assert (one.tolist(), two.tolist()) == ([1, 5, 0], [5, 6, 4])
+    assert unique_rows(rows)[0].tolist() == [3, 1, 2, 0]
+    cells = np.array([[0, 1, 2, 3], [1, 2, 3, 4]])
+    faces = np.array([[0, 2, 1], [1, 3, 2], [0, 1, 3], [1, 2, 4], [0, 3, 2], [1, 4, 3], [1, 2, 3], [2, 3, 4]])
+    all_faces, first, second = adjacent_faces(cells)
+    np.testing.assert_array_equal(all_faces, faces)
+    assert (first.tolist(), second.tolist()) == ([1], [6])
+    np.testing.assert_array_equal(boundary(cells), faces[[0, 2, 3, 4, 5, 7]])
+
+
+def test_an_edge_joins_its_ends_in_either_direction() -> None:
+    assert components(np.array([3, 1]), np.array([0, 2]), 5).tolist() == [0, 1, 1, 0, 2]
+    assert components(np.array([0, 2]), np.array([3, 1]), 5).tolist() == [0, 1, 1, 0, 2]
+    assert components(np.empty(0, dtype=int), np.empty(0, dtype=int), 3).tolist() == [0, 1, 2]

@@ -14,7 +14,7 @@ from palpate.devices import Device
 from palpate.devices.catalog import IdentifiedModel, identified_model, parse_device, read_numbers
 from palpate.devices.device import Parameters
 from palpate.devices.flexible_mode import FlexibleMode
-from palpate.devices.mechanisms import MECHANISMS, Field
+from palpate.devices.mechanisms import MECHANISMS, Field, _mechanism
 from palpate.devices.writer import write_device
 from palpate.errors import DeviceError, OutputError, PoseError
 
@@ -396,3 +396,42 @@ def test_an_identified_model_is_read_from_a_file(tmp_path: Path) -> None:
     assert str(caught.value) == "slider has no identified model; give one as identified_model in its file"
     assert identified_model(ARM).a.shape[0] == identified_model(ARM).b.shape[0]
     assert identified_model(ARM).c.shape == (3, len(identified_model(ARM).a))
+
+
+@pytest.mark.parametrize(("peak", "share"), [(8.5, 0.9), (math.inf, 1.0)])
+@pytest.mark.parametrize("temperature", [0.0, 0.4])
+def test_the_hot_drive_limits_a_force_when_its_falling_limit_meets_it(
+    peak: float, share: float, temperature: float
+) -> None:
+    """Temperature in small steps towards (F/F_c)^2; from 0.9 to 1 the limit falls from the peak to F_c."""
+    rating, tau = 1.4, 3.0
+    numbers = {"drive__continuous_force": (rating,), "drive__thermal_time": (tau,)}
+    device = having(SLIDER, **numbers, **({} if math.isinf(peak) else {"drive__peak_force": (peak,)}))
+    assert device.thermal_time == tau
+    assert SLIDER.thermal_time == 1.0
+    for force in (1.5, 3.0, 8.0):
+        step, time, heat = 1e-5, 0.0, temperature
+        while heat < share or (heat < 1.0 and force <= peak - (heat - 0.9) / 0.1 * (peak - rating)):
+            heat += step / tau * ((force / rating) ** 2 - heat)
+            time += step
+        assert device.limit_time(force, temperature) == pytest.approx(time, abs=1e-3)
+        if temperature == 0.0:
+            assert device.limit_time(force) == device.limit_time(force, 0.0)
+    assert device.limit_time(rating, temperature) == device.limit_time(1.0, 5.0) == math.inf
+    assert device.limit_time(2.0, 1.0) == 0.0
+    if math.isfinite(peak):
+        assert device.limit_time(8.6, temperature) == 0.0
+        assert device.limit_time(8.5, 0.5) > 0.0
+        assert device.limit_time(8.5, 0.9) == 0.0
+    assert SLIDER.limit_time(1e9) == math.inf
+
+
+@pytest.mark.parametrize("name", list(MECHANISMS))
+def test_a_mechanism_makes_the_loop_of_its_own_setup(name: str) -> None:
+    mechanism = MECHANISMS[name]
+    (info,) = (one for one in _core.mechanisms() if one.name == name)
+    assert _mechanism(info) == mechanism
+    for made, kind in ((mechanism.friction(), "Friction"), (mechanism.setup(), "Setup")):
+        assert isinstance(made, getattr(_core, f"{mechanism.class_name}{kind}"))
+    known = next(device for device in map(devices.load, devices.names()) if device.mechanism == "slider")
+    assert type(known.model.loop(known.setup())).__name__ == "SliderLoop"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -149,3 +150,52 @@ def test_a_displacement_is_unreachable_where_no_pose_has_the_tip() -> None:
     sideways = np.array([[10e-3, 0.0, 0.0], [0.1e-3, 0.0, 0.0], [10e-3, 0.0, 0.0]])
     assert unreachable(device, POSE, sideways).tolist() == [True, False, True]
     assert unreachable(ARM, POSE, [0.0, 0.0, 1e-3]).tolist() == [False]
+
+
+def test_a_planar_device_has_singular_poses_and_a_single_joint_has_none() -> None:
+    """The links of the five-bar are stretched where its singular values are far apart."""
+    poses = np.stack(np.meshgrid(np.linspace(-1.5, 3.0, 60), np.linspace(0.0, 4.5, 60)), axis=-1).reshape(-1, 2)
+    with np.errstate(invalid="ignore"):
+        known = poses[[bool(np.isfinite(PLANE.jacobian(pose)).all()) for pose in poses]]
+    ratios = conditioning(PLANE, known)
+    near_one = known[(ratios < NEAR_SINGULAR) & (ratios > SINGULAR)][0]
+    assert near_limits(PLANE, near_one[None])[0].startswith("the pose comes near a singular one: ")
+    good, bad = known[np.argmax(ratios)], near_one
+    for _ in range(60):  # towards the pose whose ratio is least
+        step = 1e-4 * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+        around = np.array([bad, *(bad + 10.0 * step), *(bad + step)])
+        around = around[[bool(np.isfinite(PLANE.jacobian(pose)).all()) for pose in around]]
+        bad = around[np.argmin(conditioning(PLANE, around))]
+    assert conditioning(PLANE, bad[None])[0] < SINGULAR
+    with pytest.raises(PoseError, match="the Jacobian is singular at this pose"):
+        check_reach(PLANE, bad, "it")
+    assert beyond_reach(PLANE, good, bad).tolist() == [True]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_reach(PLANE, good, "it")
+
+
+def test_the_bounds_of_the_conditioning_belong_to_what_is_within() -> None:
+    """Of a Jacobian that is diagonal, whose singular values are its entries."""
+
+    def device(ratio: float, dof: int = 2) -> Any:
+        free = np.full(dof, np.inf)
+        jacobian = np.array([[1.0, 0.0], [0.0, ratio], [0.0, 0.0]])[:, :dof]
+        model = SimpleNamespace(revolute=True)
+        return SimpleNamespace(
+            name="it",
+            dof=dof,
+            model=model,
+            joint_limits=(-free, free),
+            jacobian=lambda q: np.array([jacobian] * len(q)),
+        )
+
+    q = np.zeros((1, 2))
+    for ratio, remarked in ((NEAR_SINGULAR, False), (np.nextafter(NEAR_SINGULAR, 0.0), True)):
+        assert bool(near_limits(device(ratio), q)) is remarked
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        check_reach(device(SINGULAR), q[0], "it")
+        with pytest.raises(PoseError, match="singular"):
+            check_reach(device(np.nextafter(SINGULAR, 0.0)), q[0], "it")
+    assert conditioning(device(0.0), q)[0] == 0.0

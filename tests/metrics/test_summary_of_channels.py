@@ -12,6 +12,7 @@ from palpate.fem.indentation import OVERLAPS_FIXED
 from palpate.metrics import summarize, summary
 from palpate.metrics.body_contact import PalpationMetrics
 from palpate.metrics.mesh_contact import SlidingMetrics
+from palpate.metrics.summary import _drive
 from palpate.scenario import Scenario
 from palpate.simulation.energy_balance import EnergyBalance
 from palpate.simulation.trace import Trace
@@ -389,3 +390,45 @@ def test_poses_near_a_limit_and_a_wall_that_cannot_be_felt_are_warned_of(monkeyp
     assert summarize(made({**ARM, "reference": REFERENCE}, angle=None))["warnings"] == []
     assert summarize(made(None))["warnings"] == []
     assert not math.isnan(summarize(trace)["duration_s"])
+
+
+@pytest.mark.parametrize(
+    ("limited", "state", "early", "last", "says"),
+    [
+        (True, State.UNDECIDED, 1.0, 1.39, []),
+        (True, State.UNDECIDED, 9.0, 1.41, ["the motors hold 1.41 N, of which the drive gives 1.4 N for long"]),
+        (True, State.SETTLED, 1.0, 1.41, []),
+        (True, State.DRIVE_LIMIT, 1.0, 1.41, []),
+        (True, State.UNSTABLE, 1.0, 1.41, []),
+        (False, State.UNSTABLE, 1.0, 1.41, []),
+        (False, State.SETTLED, 1.0, 1.41,
+         ["without drive limits: the motors hold 1.41 N, of which the drive gives 1.4 N for long"]),
+        (False, State.SETTLED, 8.5, 1.0, []),
+        (False, State.SETTLED, 8.6, 1.41,
+         ["without drive limits: the motors deliver 8.6 N, of which the drive gives 8.5 N"]),
+        (False, State.UNSTABLE, 8.6, 1.0,
+         ["without drive limits: the motors deliver 8.6 N, of which the drive gives 8.5 N"]),
+    ],
+)  # fmt: skip
+def test_motors_that_deliver_or_hold_more_than_the_drive_gives_are_told(
+    limited: bool, state: State, early: float, last: float, says: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The peak of the run and the mean of its last twentieth; the latter is told by some verdicts already."""
+    force = np.full(N, 1.0)
+    force[10], force[-N // 20 :] = early, last
+    force[-N // 20 - 1] = 0.0
+    monkeypatch.setattr(summary, "motor_load", lambda _trace, _scenario: force)
+    tables = {**ARM, "reference": REFERENCE, "device": {**ARM["device"], "saturation": limited}}
+    scenario = Scenario.from_dict(tables)
+    assert _drive(made(tables, state=state), scenario) == says
+    full = made(tables, state=state, saturated=(np.arange(N) % 8 == 0).astype(float))
+    share = "the drive is at its limit 12.5 % of the time"
+    assert _drive(full, scenario) == ([share, *says] if limited or not says or "hold" in says[0] else says)
+    assert _drive(full, None) == [share]
+    assert _drive(made(tables, state=state, motor_force=None), scenario) == []
+    assert _drive(made(tables, state=state, saturated=None), scenario) == says
+    alone = made(tables, state=state).thinned(N, {"scenario": tables, "verdict": Verdict(state, "it is so").to_dict()})
+    monkeypatch.setattr(summary, "motor_load", lambda _trace, _scenario: np.array([2.0]))
+    held = f"{'' if limited else 'without drive limits: '}the motors hold 2 N, of which the drive gives 1.4 N for long"
+    told = state is State.UNDECIDED or (state is State.SETTLED and not limited)
+    assert _drive(alone, scenario) == ([held] if told else [])

@@ -307,7 +307,9 @@ def test_a_run_on_a_body_tells_what_it_pressed(
     found = summarize(trace)
     assert found["verdict"] == f"settled: it is so; {says}"
     assert found["palpation"] == metrics.to_dict()
-    deep = made(None, np.full((N, 3), [0.0, 3e-4, -4e-4]), contact_nodes=np.ones(N), object_force=largest)
+    first = np.zeros((N, 3))
+    first[0] = [0.0, 3e-4, -4e-4]
+    deep = made(None, first, contact_nodes=np.ones(N), object_force=largest)
     began = "; it began 0.5 mm deep in the body; check object.position and the unit of its file"
     assert summarize(deep)["verdict"].endswith(began)
     off = np.ones(N)

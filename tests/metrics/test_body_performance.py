@@ -23,7 +23,7 @@ TABLES: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("states", [0, 4])
+@pytest.mark.parametrize("states", [0, 1, 4])
 @pytest.mark.parametrize("multirate", [False, True])
 def test_the_stiffness_of_a_body_is_that_of_its_states_turned_into_the_device_frame(
     states: int, multirate: bool, monkeypatch: pytest.MonkeyPatch

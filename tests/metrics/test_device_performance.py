@@ -21,6 +21,7 @@ from palpate.metrics import (
     tip_inertia,
     two_port,
 )
+from palpate.metrics.device_performance import most_within_limits
 from palpate.scenario import Scenario
 from palpate.stability import llewellyn
 
@@ -72,6 +73,8 @@ def test_the_arm_at_its_peak_uses_the_whole_limit_beside_its_weight(direction: l
     weight = np.linalg.solve(ARM.jacobian(POSE).T, ARM.gravity(POSE))
     assert np.linalg.norm(weight + peak_force(ARM, POSE, e) * e) == pytest.approx(8.5)
     a = peak_acceleration(ARM, POSE, e)
+    assert peak_acceleration(ARM, POSE, 3.0 * e) == pytest.approx(a)
+    assert peak_force(ARM, POSE, 3.0 * e) == pytest.approx(peak_force(ARM, POSE, e))
     assert np.linalg.norm(weight + a * tip_inertia(ARM, POSE) @ e) == pytest.approx(8.5)
     # the motors' torque then moves the tip with that acceleration from rest
     torque = ARM.jacobian(POSE).T @ (weight + a * tip_inertia(ARM, POSE) @ e)
@@ -249,3 +252,23 @@ def test_the_transmitted_impedance_is_the_rendered_one_below_the_aliases() -> No
 def test_a_loop_that_tracks_a_force_is_no_display() -> None:
     with pytest.raises(StabilityError, match="tracks a force"):
         two_port(slider("force_tracking", 1.0), [1.0], [1, 0, 0])
+
+
+def test_a_motor_that_a_direction_does_not_load_does_not_limit_it() -> None:
+    """However much it holds already; the others limit by what is left of their torque, both ways."""
+    device = box(drive__peak_torque=(2.0, 2.0, 3.0))
+    for held, along, most in (
+        ([0.0, 5.0, 0.0], [1.0, 0.0, 0.0], 2.0),
+        ([0.5, 5.0, 0.0], [1.0, 0.0, 0.0], 1.5),
+        ([0.5, 5.0, 0.0], [-1.0, 0.0, 0.0], 2.5),
+        ([0.5, 0.0, 1.0], [1.0, 0.0, 2.0], 1.0),
+        ([5.0, 0.0, 0.0], [1.0, 0.0, 0.0], 0.0),
+        ([0.0, 0.0, 0.0], [0.5, 0.0, 0.0], 4.0),
+    ):
+        assert most_within_limits(device, np.eye(3), np.array(held), np.array(along), np.inf) == pytest.approx(most)
+    free = box()
+    for held, limit, most in (([0.0, 3.0, 0.0], 5.0, 4.0), ([1.0, 0.0, 0.0], 5.0, 4.0), ([0.0, 5.0, 0.0], 5.0, 0.0)):
+        found = most_within_limits(free, np.eye(3), np.array(held), np.array([1.0, 0.0, 0.0]), limit)
+        assert found == pytest.approx(most)
+    assert most_within_limits(free, np.eye(3), np.zeros(3), np.array([2.0, 0.0, 0.0]), 5.0) == pytest.approx(2.5)
+    assert most_within_limits(free, np.eye(3), np.zeros(3), np.array([1.0, 0.0, 0.0]), np.inf) == np.inf

@@ -461,6 +461,10 @@ def test_a_line_of_the_spectrum_keeps_its_amplitude_whatever_the_drift() -> None
     assert all(drifting[f] == pytest.approx(at[f], abs=1e-12) for f in range(58, 500))
     even = 2e-6 * np.cos(2 * np.pi * 100 * (t - t.mean()))  # without a trend of its own
     assert amplitudes(even)[100] == pytest.approx(2e-6, rel=1e-9)
+    lowest = np.cos(2 * np.pi * 20 * (T * np.arange(500) - T * 249.5))  # of ten periods, the least that count
+    least = ripple(1e-6 * lowest, T)
+    assert least.frequency[0] == 20.0
+    assert least.amplitude[0] == pytest.approx(1e-6, rel=1e-11)
     assert str(found) == "The ripple is perceptible: 0.5 µm at 250 Hz, 5 times the threshold of a fingertip."
     faint = replace(found, amplitude=0.1 * found.amplitude, ratio=0.5)
     assert str(faint) == "The ripple is not perceptible: 0.05 µm at 250 Hz, 0.5 of the threshold of a fingertip."

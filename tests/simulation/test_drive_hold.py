@@ -47,6 +47,7 @@ def test_a_short_run_states_when_a_long_one_loses_its_force(compensated: bool) -
     short, long = (palpate.simulate(pressed(2.4, one, gravity_compensation=compensated)) for one in (1.5, 8.0))
     assert short.verdict.state is State.SETTLED
     held, left = hold_of(short.verdict.reason)
+    assert hold_of(" ".join(summarize(short)["warnings"])) == (held, left)
     load = motor_load(short, pressed(2.4, 1.5, gravity_compensation=compensated))
     assert held == pytest.approx(load[-1], rel=5e-3)
     limited = np.flatnonzero(long["saturated"][:, 0])
@@ -58,6 +59,7 @@ def test_a_force_within_the_rating_is_held_for_ever() -> None:
     trace = palpate.simulate(pressed(0.8, 1.5))
     assert trace.verdict.state is State.SETTLED
     assert "hot" not in trace.verdict.reason
+    assert summarize(trace)["warnings"] == []
 
 
 def test_without_drive_limits_the_summary_compares_with_the_rating() -> None:

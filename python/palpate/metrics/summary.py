@@ -14,7 +14,7 @@ from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metric
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
 from palpate.scenario.signal import Signal
-from palpate.simulation.drive_hold import motor_load
+from palpate.simulation.drive_hold import drive_hold, motor_load
 from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.statics import expected_deflection
@@ -266,23 +266,24 @@ def _began(depth: float, touched: str) -> list[str]:
 
 
 def _drive(trace: Trace, scenario: Scenario | None) -> list[str]:
-    """Return how often the drive is at its limit, and by how much the motors exceed limits that no verdict states."""
+    """Return how often the drive is at its limit, and how long or by how much it cannot give the force at the end."""
     found = []
     if "saturated" in trace and (share := float(np.mean(trace["saturated"])) if len(trace) else 0.0):
         found.append(f"the drive is at its limit {share * 100.0:.3g} % of the time")
     if scenario is None or "motor_force" not in trace or not len(trace):
         return found
+    if scenario.device.saturation:
+        ends = trace.verdict.state in (State.UNSTABLE, State.DRIVE_LIMIT)
+        hold = None if ends else drive_hold(trace, scenario)
+        return [*found, *([hold] if hold else [])]
     device, force = scenario.load_device(), motor_load(trace, scenario)
-    last, state = float(np.mean(force[-max(len(force) // 20, 1) :])), trace.verdict.state
-    free = "" if scenario.device.saturation else "without drive limits: "
-    if force.max() > device.peak_force and free:
+    if force.max() > device.peak_force:
         limit = device.peak_force
-        return [f"{free}the motors deliver {force.max():.3g} N, of which the drive gives {limit:.3g} N"]
-    stated = (State.UNSTABLE,) if free else (State.UNSTABLE, State.SETTLED, State.DRIVE_LIMIT)
-    if last > device.continuous_force and state not in stated:
-        limit = device.continuous_force
-        found.append(f"{free}the motors hold {last:.3g} N, of which the drive gives {limit:.3g} N for long")
-    return found
+        return [f"without drive limits: the motors deliver {force.max():.3g} N, of which the drive gives {limit:.3g} N"]
+    last, limit = float(np.mean(force[-max(len(force) // 20, 1) :])), device.continuous_force
+    if last > limit and trace.verdict.state is not State.UNSTABLE:
+        return [f"without drive limits: the motors hold {last:.3g} N, of which the drive gives {limit:.3g} N for long"]
+    return []
 
 
 def _energy(trace: Trace, scenario: Scenario | None) -> dict[str, float] | None:

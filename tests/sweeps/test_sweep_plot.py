@@ -123,3 +123,39 @@ def test_more_axes_draws_or_words_are_not_drawn() -> None:
     for axes, draws in (((axis,) * 3, 1), ((axis,), 2), ((axis, words), 1), ((words,), 1)):
         with pytest.raises(SweepError, match="a sweep is drawn over one or two numeric axes with one draw each"):
             drawn(*axes, verdict=[0.0], draws=draws)
+
+
+def test_without_axes_a_figure_of_its_own_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Any] = []
+    figure = Figure()
+
+    def subplots(**options: Any) -> Any:
+        asked.append(options)
+        return figure, figure.subplots()
+
+    monkeypatch.setattr("matplotlib.pyplot.subplots", subplots)
+    plan = SimpleNamespace(axes=[Axis("servo.period", "s", (1e-3, 2e-3))], draws=1, tables={}, design="cell")
+    found: Any = SimpleNamespace(plan=plan, outcomes={"ripple": [1e-6, 2e-6], "verdict": np.zeros(2)})
+    assert plot_sweep(found) is figure.axes[0]
+    assert asked == [{"figsize": (6.4, 4.2), "layout": "constrained"}]
+
+
+def test_points_of_a_line_and_its_boundary_are_drawn_thin_and_dark() -> None:
+    axis = Axis("servo.period", "s", (1e-3, 2e-3))
+    ax = drawn(axis, verdict=[0, 2], ripple=[1e-6, 2e-6])
+    marks = [line for line in ax.lines if len(line.get_xdata())]
+    assert {(line.get_marker(), line.get_linestyle(), line.get_markeredgewidth()) for line in marks} == {
+        ("o", "None", 0.4)
+    }
+    assert {line.get_markeredgecolor() for line in marks} == {"#1d2126"}
+    legend_of = ax.figure.legends[0]
+    assert legend_of._ncols == 2
+    many = drawn(Axis("servo.period", "s", tuple(1e-3 * np.arange(1, 6))), verdict=[0, 1, 2, 3, 4], ripple=[1e-6] * 5)
+    assert many.figure.legends[0]._ncols == 4
+    stiffness = Axis("object.stiffness", "N/m", (20.0, 100.0, 500.0))
+    both = drawn(stiffness, Axis("object.damping", "N*s/m", (0.0, 0.1, 0.2)), verdict=np.zeros((3, 3)))
+    contour = both.collections[1]
+    assert float(np.max(contour.get_linewidth())) == 1.2
+    assert both.collections[0].get_rasterized()
+    line = both.figure.legends[0].get_lines()[0]
+    assert (line.get_linewidth(), line.get_color()) == (1.2, "#1d2126")

@@ -554,6 +554,7 @@ def test_space_is_reserved_from_the_beginning_and_the_digest_is_known(
     found = read_seal(path, OutputError, "thing")
     assert found.later == ()
     assert found.digest in hdf5_output.known_digests
+    assert f" {found.digest} -\n".encode() == path.read_bytes()[-68:]
 
 
 def _sealed(path: Path, content: bytes, later: list[tuple[int, int]]) -> None:

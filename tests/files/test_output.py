@@ -223,6 +223,11 @@ def test_the_files_of_a_folder_are_flushed_before_it_is_committed(
     assert output._umask() == output._umask() == output._UMASK
 
 
+def test_a_folder_is_made_with_those_around_it(tmp_path: Path) -> None:
+    write_folder(tmp_path / "a" / "b" / "c", _writers("x"))
+    assert _content(tmp_path / "a" / "b" / "c") == {"x"}
+
+
 def test_other_files_of_a_folder_stay_unless_only_the_new_ones_are_wanted(tmp_path: Path) -> None:
     (tmp_path / "old.txt").write_text("old")
     (tmp_path / "kept").mkdir()

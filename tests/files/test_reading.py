@@ -163,6 +163,8 @@ def test_json_text_has_a_longest_length(monkeypatch: pytest.MonkeyPatch) -> None
         ("a = [\n[1]", 1),
         ("a = [[\n1],", 1),
         ("a = [ # ]", 1),
+        ('a = ["b", [', 2),
+        ("a = ['b', [", 2),
         ('a = ["]", {b = "]', 2),
         ("a = {b = 1, c = [1]}", 0),
         (r"a = '\\'", 0),

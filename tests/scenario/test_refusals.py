@@ -78,7 +78,17 @@ def adm(**changes: Any) -> dict[str, Any]:
     return {**TOOL, **{name: {**TOOL.get(name, {}), **change} for name, change in changes.items()}}
 
 
+KEYS = "title, description, device, start, servo, reference, operator, object, objects, controller, guard, run"  # all
 REFUSED: list[tuple[Callable[..., dict[str, Any]], dict[str, Any], str]] = [
+    (tables, {"device": None},
+     "the table [device] is missing"),
+    (tables, {"mechanism": "slider"},
+     f'unknown key "mechanism" in the scenario; there are {KEYS}'),
+    (tables, {"device": None, "mechanism": "slider"},
+     'a device file; a scenario names it as [device] name = "scenario" (palpate new scenario writes a '
+     "scenario)"),
+    (tables, {"device": None, "based_on": 3},
+     f'the table [device] is missing\nscenario: unknown key "based_on" in the scenario; there are {KEYS}'),
     (tables, {"object": body(kind="modal", sideways_fraction=0.5)},
      'unknown key "sideways_fraction" in [object.body]; modal does not take it, only signed_distance'),
     (tables, {"object": body(radiu="1 mm")},

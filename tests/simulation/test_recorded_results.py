@@ -22,35 +22,9 @@ from palpate.simulation.step_response import step_response
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import Evidence, State, ahead, chatters, decide, generates, growth, slips
 from palpate.simulation.windows import Window
+from stored_results import assert_same, plain
 
 PERIOD = 1e-3
-
-
-def plain(value: Any) -> Any:
-    """Return a result as lists of numbers and texts, which a list of stored ones equals."""
-    if isinstance(value, dict):
-        return {key: plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    return value.label if isinstance(value, State) else value
-
-
-def assert_same(found: Any, stored: Any, place: str = "") -> None:
-    """Compare two results of `plain`, numbers within 1e-6."""
-    if isinstance(stored, dict):
-        assert list(found) == list(stored), place
-        for key, entry in stored.items():
-            assert_same(found[key], entry, f"{place}.{key}")
-    elif isinstance(stored, list):
-        assert len(found) == len(stored), place
-        for number, (one, other) in enumerate(zip(found, stored, strict=True)):
-            assert_same(one, other, f"{place}[{number}]")
-    elif isinstance(stored, float):
-        assert found == pytest.approx(stored, rel=1e-6, abs=1e-13, nan_ok=True), place
-    else:
-        assert found == stored, place
 
 
 # Values of each measure: those of its thresholds, of rest, and some on either side.

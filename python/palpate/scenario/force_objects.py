@@ -194,7 +194,7 @@ class TextureChoice(Section):
         """
         n, across = np.array(normal), np.array(self.across)
         along: Array = across - float(across @ n) * n
-        if not np.linalg.norm(along) > 1e-6 * max(float(np.linalg.norm(across)), 1e-300):
+        if not np.linalg.norm(along) > 1e-6 * np.linalg.norm(across):
             raise ValueError("texture.across: it must not be along the normal, for example [1, 0, 0]")
         unit = along / np.linalg.norm(along)
         unit -= (unit @ n) * n  # rounding

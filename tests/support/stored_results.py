@@ -20,17 +20,17 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Enum) else value
 
 
-def assert_same(found: Any, stored: Any, place: str = "", absolute: float = 1e-13) -> None:
-    """Compare two results of `plain`, numbers within 1e-6 relatively or an absolute tolerance."""
+def assert_same(found: Any, stored: Any, place: str = "", absolute: float = 1e-13, relative: float = 1e-6) -> None:
+    """Compare two results of `plain`, numbers within a relative or an absolute tolerance."""
     if isinstance(stored, dict):
         assert list(found) == list(stored), place
         for key, entry in stored.items():
-            assert_same(found[key], entry, f"{place}.{key}", absolute)
+            assert_same(found[key], entry, f"{place}.{key}", absolute, relative)
     elif isinstance(stored, list):
         assert len(found) == len(stored), place
         for number, (one, other) in enumerate(zip(found, stored, strict=True)):
-            assert_same(one, other, f"{place}[{number}]", absolute)
+            assert_same(one, other, f"{place}[{number}]", absolute, relative)
     elif isinstance(stored, float):
-        assert found == pytest.approx(stored, rel=1e-6, abs=absolute, nan_ok=True), place
+        assert found == pytest.approx(stored, rel=relative, abs=absolute, nan_ok=True), place
     else:
         assert found == stored, place

@@ -6,12 +6,15 @@ import json
 import logging
 import sys
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import control
 import numpy as np
 import pytest
+from palpate.control.controller import Controller
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
 from palpate.simulation.simulator import build_simulation
@@ -193,6 +196,35 @@ def test_an_axis_that_changes_the_controller_needs_a_new_simulation() -> None:
     ]
     normalized = {**TRACKING, "controller": {"kind": "lqg", "stiffness": "1 N/mm", "normalize": True}}
     assert _same_controller(plan_of(normalized, {"object.stiffness": [500.0, 3000.0]}), stiffness)
+
+
+def test_a_controller_differs_by_any_of_its_matrices_or_its_design_stiffness(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the values at the least and the largest of the axis."""
+    tables = {**TRACKING, "controller": {"kind": "lead_lag"}}
+    known = build_simulation(tables).controller
+    assert isinstance(known, Controller)
+    s = known.system
+    matrices = {"A": s.A, "B": s.B, "C": s.C, "D": s.D}
+    asked: list[str] = []
+    found = plan_of(tables, {"object.stiffness": [500.0, 3000.0]})
+    axis = Axis("object.stiffness", "N/m", (700.0, 3000.0, 500.0))
+
+    def same(other: Controller) -> bool:
+        both = {"500.0 N/m": known, "3000.0 N/m": other}
+
+        def built(scenario: Any) -> Any:
+            asked.append(scenario["object"]["stiffness"])
+            return SimpleNamespace(controller=both[asked[-1]])
+
+        monkeypatch.setattr(plan, "build_simulation", built)
+        return _same_controller(found, axis)
+
+    assert same(known)
+    assert asked == ["500.0 N/m", "3000.0 N/m"]
+    for name, matrix in matrices.items():
+        changed = {**matrices, name: matrix + 1e-9}
+        assert not same(replace(known, system=control.StateSpace(*changed.values(), s.dt)))
+    assert not same(replace(known, design_stiffness=np.array([1.0, 2.0, 3.0])[0]))
 
 
 def test_the_values_of_cells_are_put_into_columns() -> None:

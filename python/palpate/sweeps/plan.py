@@ -80,7 +80,7 @@ class Plan:
         scenario = Scenario.from_dict(self.tables)
         cells = TICKS_A_CHUNK / (scenario.run.duration / scenario.period)
         low, high = CHUNK_LIMITS
-        return int(np.clip(2 ** round(np.log2(max(cells, 1.0))), low, high))
+        return int(np.clip(2 ** round(np.log2(cells)), low, high))
 
     @property
     def chunks(self) -> int:

@@ -118,6 +118,27 @@ def test_the_loop_feels_what_the_body_answers(block: Path, tip: str) -> None:
     assert (shown.pressure @ body.contents.areas) == pytest.approx(np.linalg.norm(trace["object_force"][-1]), rel=0.12)
 
 
+def test_a_body_with_inertia_that_relaxes_has_in_the_loop_the_forces_that_it_has_by_itself(block: Path) -> None:
+    memory = {
+        "density": "1000 kg/m^3",
+        "rayleigh_alpha": "5 1/s",
+        "instantaneous_ratio": 2.0,
+        "retardation_time": "50 ms",
+    }
+    forces = {}
+    given: dict[str, dict[str, Any]] = {"both": memory, "none": {}}
+    for name, options in given.items():
+        scenario = Scenario.from_dict(tables(block, 1.0, 8.3e-3, update_interval="4 ms", **options))
+        trace = simulate(scenario)
+        assert trace["solved"].all()
+        body, origin, _ = place_body(scenario, trace["tip"][0] + np.array(scenario.object.position))
+        body.core.reset()
+        felt = body.simulate_path(trace["tip"] - origin, 8e-3)
+        np.testing.assert_allclose(trace["object_force"], -felt.force, atol=2e-3 * np.abs(felt.force).max())
+        forces[name] = felt.force[:, 2] / np.maximum(-felt.deflection[:, 2], 1e-6)
+    assert (forces["both"][60:120] > 1.2 * forces["none"][60:120]).all()  # stiffer at first, while it rises
+
+
 def test_a_deep_press_rests_where_the_solid_by_itself_does(block: Path) -> None:
     """A quarter of the block's height deep, by another road: a solid of its own assembly, pressed without a loop."""
     trace = simulate({**deep(block), "run": {"duration": "1.8 s"}})

@@ -1,0 +1,987 @@
+"""Whole results of the identification for given recordings, against stored values.
+
+Each value is a `fingerprint` of every number of a result, or a line of its text. The laws that the results obey are in
+the other files.
+"""
+
+from __future__ import annotations
+
+import functools
+import textwrap
+from collections.abc import Callable
+from dataclasses import astuple, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from fingerprint import fingerprint
+from identify_data import short_recording
+from palpate import devices
+from palpate import identification as identify
+from palpate.identification.arx_models import arx, arx_from_excitation
+from palpate.identification.base import base_values, friction_parameters, true_values, with_base_values
+from palpate.identification.instruments import expected_angles
+from palpate.identification.parameters import _append, _loop_bias, _singular, long_run_covariance
+from palpate.identification.recording import Recording
+from palpate.identification.residuals import independence, whiteness
+from palpate.identification.weak_form import (
+    TestFunctions,
+    clear_rows,
+    delay_column,
+    slowest_speed,
+    smooth,
+    weak_rows,
+)
+
+ARM = devices.load("phantom-premium-1.5a")
+ROTORS = devices.load("phantom-premium-1.5a-rotors")
+SLIDER = devices.load("slider").with_friction(viscous=[0.5], coulomb=[0.02])
+BUMPS = TestFunctions(width=0.13, spacing=0.03, smoothing=0.037)
+
+
+@functools.cache
+def slider_recording() -> Recording:
+    return identify.simulate_experiment(SLIDER, duration=10.0, period=2e-3, seed=2)
+
+
+@functools.cache
+def rotor_recording() -> Recording:
+    return identify.simulate_experiment(ROTORS, duration=8.0, period=2e-3, seed=4)
+
+
+@functools.cache
+def random_recording(count: int = 600) -> Recording:
+    """Two outputs that follow two inputs and each other, with noise and means."""
+    draw = np.random.default_rng(0)
+    u, e = draw.normal(size=(count, 2)) + np.array([0.3, -0.2]), 0.1 * draw.normal(size=(count, 2))
+    y = np.zeros((count, 2))
+    for t in range(3, count):
+        y[t] = [1.5 * y[t - 1, 0] - 0.7 * y[t - 2, 0], 1.2 * y[t - 1, 1] - 0.5 * y[t - 2, 1] - 0.3 * y[t - 1, 0]]
+        y[t] += [u[t - 1, 0] + 0.5 * u[t - 2, 0] - 0.4 * u[t - 2, 1], 0.8 * u[t - 1, 1] - 0.2 * u[t - 2, 1]] + e[t]
+    return Recording(0.01 * np.arange(count), y + np.array([2.0, -1.0]), u, excitation=np.roll(u, 1, axis=0))
+
+
+NA, NB, NK = np.array([[2, 0], [1, 3]]), np.array([[2, 1], [0, 2]]), np.array([[1, 2], [0, 1]])
+
+
+def lines(text: str) -> list[str]:
+    return [part for line in text.splitlines() for part in textwrap.wrap(line, 100)]
+
+
+def of_model(model: Any) -> list[Any]:
+    arrays = [np.asarray(one, dtype=float) for one in astuple(model)[:8]]
+    rest = [
+        *model.covariance,
+        model.noise,
+        model.output_mean,
+        model.input_mean,
+        model.samples,
+        model.count,
+        model.reach,
+    ]
+    rows = model.coefficients()
+    system = model.to_statespace()
+    rest += [[row["value"] for row in rows], [row["std"] for row in rows], system.A, system.B, system.C, system.D]
+    return [
+        *arrays,
+        *rest,
+        *lines(" ".join(row["name"] for row in rows)),
+        " ".join(system.input_labels + system.output_labels),
+    ]
+
+
+def of_fit(fit: Any) -> list[Any]:
+    found = [fit.value, fit.std, fit.covariance, fit.low, fit.high, fit.torque_error]
+    found += [fit.level, fit.condition, fit.rows, fit.freedom, fit.method, " ".join(fit.undetermined), fit.file]
+    return found + [line for doubt in fit.doubts for line in lines(doubt)]
+
+
+def estimated(recording: Recording, device: devices.Device = ARM, **options: Any) -> list[Any]:
+    return of_fit(identify.estimate_parameters(recording, device, **options))
+
+
+def bare(recording: Recording) -> Recording:
+    return replace(recording, excitation=None)
+
+
+def clipped(values: np.ndarray, share: float) -> np.ndarray:
+    low, high = values.min(axis=0), values.max(axis=0)
+    return np.clip(
+        values, 0.5 * (low + high) - 0.5 * share * (high - low), 0.5 * (low + high) + 0.5 * share * (high - low)
+    )
+
+
+def rows_of(recording: Recording, device: devices.Device, tests: TestFunctions, **options: Any) -> list[Any]:
+    rows = weak_rows(device, recording, tests, **options)
+    per_column = [rows.columns[:, :, k] for k in range(rows.columns.shape[2])]
+    return [rows.torque, rows.moving, rows.time, *per_column]
+
+
+def orders() -> list[Any]:
+    table = identify.select_order(random_recording(), [(1, 1, 1), (NA, NB, NK), (3, 2, 1)], fraction=0.6)
+    found: list[Any] = [len(table.candidates), *(f"{name} {place}" for name, place in table.best.items())]
+    for one in table.candidates:
+        found += [one.count, one.aic, one.bic, one.mdl, one.one_step, one.free_run]
+    return [*found, *lines(str(table)), table.chosen("bic").count, table.chosen().count]
+
+
+def residuals() -> list[Any]:
+    recording = random_recording()
+    left = arx(recording, 1, 1, 1).residuals(recording)
+    found: list[Any] = [left]
+    for lags, confidence in ((25, 0.99), (7, 0.9)):
+        found += [*astuple(whiteness(left[:, 0], lags, confidence))]
+        found += [*astuple(independence(left[:, 1], recording.torque[1:, 0], lags, confidence))]
+    found += [*astuple(whiteness(left[:, 1])), *astuple(independence(left[:60, 0], recording.torque[:60, 1], 15))]
+    return found
+
+
+def excitations() -> list[Any]:
+    found: list[Any] = []
+    for one in (
+        identify.multisine([1.0, 2.0, 0.5], (0.5, 20.0), lines=7, seed=3),
+        identify.multisine([1.0, 2.0], (0.5, 20.0), lines=6, seed=1, logarithmic=True),
+        identify.multisine([1.0], (1.0, 3.0), lines=40),
+        identify.prbs([1.0, 0.3], 0.02, seed=5),
+        identify.prbs([2.0], 0.004),
+        identify.chirp([1.0, 2.0, 3.0], (2.0, 30.0), seed=2),
+    ):
+        described = {k: v for k, v in one.describe().items() if isinstance(v, str | bool | int)}
+        found += [one.sample(2.0, 2e-3), one.sample(3.1, 1e-3), str(described)]
+    return found
+
+
+def changed_device() -> list[Any]:
+    values = base_values(ARM) * np.linspace(0.9, 1.2, 8)
+    found: list[Any] = [values, base_values(ROTORS), base_values(SLIDER)]
+    for given in (values, values * [1, 1, 1, 1, 1, 1, -1, -1]):
+        device = with_base_values(ARM, given, np.array([0.1, -0.2, 0.3]), np.array([-0.1, 0.2, 0.0]))
+        keys = ("mass", "inertia", "friction", "geometry")
+        found += [np.asarray(v, float) for k, v in sorted(device.parameters.values.items()) if k.startswith(keys)]
+    parameters = friction_parameters(ROTORS)
+    found += [
+        true_values(ROTORS, parameters),
+        *lines(" ".join(f"{p.name} {p.unit} {p.meaning} {p.joint}" for p in parameters)),
+    ]
+    return found
+
+
+def prepared() -> list[Any]:
+    recording = rotor_recording()
+    coarse = recording.decimate(7)
+    first, second = recording.split(0.3)
+    found = [coarse.time, coarse.angle, coarse.torque, coarse.excitation, coarse.period, coarse.duration]
+    held = np.clip(recording.torque, -0.05, 0.04)
+    return [*found, first.angle, second.time, second.duration, recording.at_end(held).astype(float)]
+
+
+def kernels() -> list[Any]:
+    found: list[Any] = []
+    for tests, period in ((BUMPS, 2e-3), (TestFunctions(), 1e-3), (TestFunctions(), 0.0125)):
+        phi, slope, hold, stride = tests.kernels(period)
+        found += [phi, slope, hold, hold.sum(), stride]
+    recording = slider_recording()
+    found += [*smooth(recording.angle, 2e-3, 0.041), *smooth(recording.angle, 2e-3, 1e-3)]
+    found += [slowest_speed(recording, BUMPS), slowest_speed(rotor_recording(), TestFunctions())]
+    marked = recording.angle > np.quantile(recording.angle, 0.9)
+    return [*found, clear_rows(marked, 2e-3, BUMPS), delay_column(rotor_recording().torque, 2e-3, BUMPS)]
+
+
+def studied(recording: Recording, device: devices.Device, **options: Any) -> list[Any]:
+    result = identify.identify_recording(recording, device, **options)
+    found: list[Any] = lines(result["summary"])
+    for row in result["parameters"]:
+        found.append([float(v) for v in row.values() if isinstance(v, float | bool)])
+    runs, linear = result["free_run"], result["arx"]
+    found += [result["torque_error_percent"], runs["device"], runs["arx"], runs["used"], linear["period"]]
+    found += [[row["value"] for row in linear["coefficients"]], linear["one_step"], linear["na"], linear["nb"]]
+    found += [linear["nk"], [[float(v) for v in row.values()] for row in linear["white"]]]
+    about = result["recording"]
+    found += [np.asarray(linear["independent"], float), about["samples"], about["period"], about["duration"]]
+    return [*found, result["method"], result["excitation"]["condition"], *lines(linear["order_table"])]
+
+
+def matched() -> list[Any]:
+    found = identify.friction_by_matching(
+        slider_recording().slice(0, 3000), SLIDER, start=[0.9], seconds=4.5, level=0.9
+    )
+    direct = identify.friction_by_regressor(slider_recording(), SLIDER, level=0.8)
+    return [x for fit in (found, direct) for x in astuple(fit) if x is not None]
+
+
+def covariances() -> list[Any]:
+    draw = np.random.default_rng(0)
+    white = draw.normal(size=(210, 3)) * [1.0, 1e-3, 20.0]
+    moved = sum(white[k : 200 + k] for k in range(4))
+    alternating = white[:200] * (-1.0) ** np.arange(200)[:, None] + 0.3 * white[1:201]
+    found = [
+        long_run_covariance(one, tests)
+        for one in (moved, alternating, moved[:40])
+        for tests in (BUMPS, TestFunctions())
+    ]
+    columns = draw.normal(size=(50, 2, 4))
+    return [*found, _singular(columns)[0], np.abs(_singular(columns)[1]), _append(columns, columns[:, :, 0])]
+
+
+def saved() -> list[Any]:
+    fit = identify.estimate_parameters(short_recording(0), ARM, level=0.9)
+    rows = identify.summary_rows(fit, true_values(ARM, fit.parameters))
+    plain = identify.summary_rows(fit)
+    found: list[Any] = [str([v for v in row.values() if not isinstance(v, float)]) for row in rows]
+    found += [[float(v) for v in row.values() if isinstance(v, float)] for row in (*rows, *plain)]
+    device = fit.device
+    found += [
+        base_values(device),
+        device.viscous,
+        device.coulomb,
+        fit["M22"],
+        fit.friction("k", 3),
+        fit.friction("x", 2),
+    ]
+    return found
+
+
+def biased() -> list[Any]:
+    fit = identify.estimate_parameters(bare(short_recording(1, 3e-2)), ARM)
+    draw = np.random.default_rng(0)
+    said = _loop_bias(fit, draw.normal(size=(80, 3, len(fit.value))), draw.normal(size=(80, 3)))
+    return of_fit(fit) + [line for one in said for line in lines(one)]
+
+
+def flipped() -> list[Any]:
+    recording = short_recording(0)
+    assert recording.excitation is not None
+    return estimated(replace(recording, torque=-recording.torque, excitation=-recording.excitation))
+
+
+def cut(channel: str, share: float, recording: Recording, device: devices.Device) -> list[Any]:
+    return estimated(replace(recording, **{channel: clipped(getattr(recording, channel), share)}), device)
+
+
+def mixed() -> Recording:
+    recording = random_recording()
+    return replace(recording, angle=0.9 * recording.angle + 0.1 * np.roll(recording.angle, 1))
+
+
+CASES: dict[str, Callable[[], list[Any]]] = {
+    "test functions": kernels,
+    "rows of a slider": lambda: rows_of(slider_recording(), SLIDER, BUMPS),
+    "rows of an arm": lambda: rows_of(rotor_recording(), ROTORS, BUMPS, slowest=np.array([0.05, 0.1, 0.2])),
+    "arm": lambda: estimated(short_recording(0)),
+    "arm by least squares": lambda: estimated(bare(short_recording(0)), level=0.8, method="least_squares"),
+    "arm without dry friction": lambda: estimated(short_recording(1), coulomb=False, tests=BUMPS),
+    "arm with rotors": lambda: estimated(rotor_recording(), ROTORS, level=0.99),
+    "slider": lambda: estimated(slider_recording(), SLIDER, tests=BUMPS, method="instruments"),
+    "biased arm": biased,
+    "torque late": lambda: estimated(replace(r := short_recording(0), torque=np.roll(r.torque, 1, axis=0))),
+    "torque early": lambda: estimated(replace(r := slider_recording(), torque=np.roll(r.torque, -2, axis=0)), SLIDER),
+    "torque reversed": flipped,
+    "torque clipped": lambda: cut("torque", 0.5, slider_recording(), SLIDER),
+    "angle clipped": lambda: cut("angle", 0.7, slider_recording(), SLIDER),
+    "angle clipped much": lambda: cut("angle", 0.3, slider_recording(), SLIDER),
+    "arm clipped": lambda: cut("torque", 0.6, short_recording(2), ARM),
+    "rows of parameters": saved,
+    "covariances": covariances,
+    "instruments": lambda: [
+        expected_angles(rotor_recording(), 4, 20.0), expected_angles(slider_recording()),
+        expected_angles(random_recording(), 2, 30.0), float(expected_angles(bare(rotor_recording())) is None),
+    ],
+    "ARX": lambda: of_model(arx(random_recording(), NA, NB, NK)),
+    "ARX with instruments": lambda: of_model(arx(random_recording(), 2, 2, 1, instruments=mixed())),
+    "ARX from the excitation": lambda: of_model(arx_from_excitation(random_recording(), 2, 3)),
+    "runs of an ARX model": lambda: [
+        *astuple((m := arx(random_recording(), NA, NB, NK)).fit(random_recording().slice(100, 300))),
+        m.residuals(random_recording().slice(50, 200)), m.simulate(random_recording().torque[:80]),
+    ],
+    "orders": orders,
+    "residuals": residuals,
+    "excitations": excitations,
+    "base parameters": changed_device,
+    "prepared recordings": prepared,
+    "friction": matched,
+    "study of an arm": lambda: studied(short_recording(0), ARM),
+    "study of a slider": lambda: studied(slider_recording(), SLIDER, coulomb=False),
+}  # fmt: skip
+STORED: dict[str, list[float | str]] = {
+    "test functions": [
+        np.float64(180.363756),
+        np.float64(93.924436),
+        np.float64(174.183745),
+        np.float64(14.511234),
+        np.float64(20.255838),
+        np.float64(253.629952),
+        np.float64(146.529739),
+        np.float64(246.801709),
+        np.float64(14.264374),
+        np.float64(20.766664),
+        np.float64(38.818602),
+        np.float64(16.029792),
+        np.float64(38.002861),
+        np.float64(14.264374),
+        np.float64(18.240935),
+        np.float64(7080.951684),
+        np.float64(7112.262101),
+        np.float64(7080.81627),
+        np.float64(7112.134744),
+        np.float64(13.95361),
+        np.float64(21.357764),
+        np.float64(684.381303),
+        np.float64(371.124727),
+    ],
+    "rows of a slider": [
+        np.float64(473.846097),
+        np.float64(710.557344),
+        np.float64(702.496464),
+        np.float64(466.825321),
+        np.float64(483.473371),
+        np.float64(491.690742),
+    ],
+    "rows of an arm": [
+        np.float64(355.73767),
+        np.float64(762.413063),
+        np.float64(582.364589),
+        np.float64(377.526644),
+        np.float64(283.542228),
+        np.float64(321.231515),
+        np.float64(333.399107),
+        np.float64(382.797925),
+        np.float64(378.973828),
+        np.float64(249.004713),
+        np.float64(315.424906),
+        np.float64(377.93635),
+        np.float64(372.61819),
+        np.float64(376.157454),
+        np.float64(375.991235),
+        np.float64(367.785693),
+        np.float64(373.153057),
+    ],
+    "arm": [
+        np.float64(38.71506),
+        np.float64(51.176283),
+        np.float64(25.863784),
+        np.float64(36.171442),
+        np.float64(41.828581),
+        np.float64(22.408722),
+        np.float64(17.496495),
+        np.float64(19.062808),
+        np.float64(23.754364),
+        np.float64(21.674922),
+        "instruments",
+        "",
+        "a recording",
+    ],
+    "arm by least squares": [
+        np.float64(38.732292),
+        np.float64(51.190772),
+        np.float64(20.401073),
+        np.float64(36.43425),
+        np.float64(40.81983),
+        np.float64(22.408474),
+        np.float64(17.324644),
+        np.float64(19.062808),
+        np.float64(23.754364),
+        np.float64(21.674922),
+        "least_squares",
+        "",
+        "a recording",
+    ],
+    "arm without dry friction": [
+        np.float64(39.700355),
+        np.float64(42.141005),
+        np.float64(19.300733),
+        np.float64(39.68871),
+        np.float64(39.71194),
+        np.float64(22.334995),
+        np.float64(17.496495),
+        np.float64(19.200883),
+        np.float64(23.529202),
+        np.float64(21.449761),
+        "instruments",
+        "",
+        "a recording",
+    ],
+    "arm with rotors": [
+        np.float64(46.301791),
+        np.float64(50.833119),
+        np.float64(16.96932),
+        np.float64(46.222354),
+        np.float64(46.376319),
+        np.float64(22.192693),
+        np.float64(17.537738),
+        np.float64(19.001239),
+        np.float64(23.346881),
+        np.float64(21.267439),
+        "instruments",
+        "",
+        "a recording",
+    ],
+    "slider": [
+        np.float64(20.819114),
+        np.float64(13.746509),
+        np.float64(-4.173386),
+        np.float64(20.816873),
+        np.float64(20.821348),
+        np.float64(18.088925),
+        np.float64(17.496495),
+        np.float64(18.984176),
+        np.float64(23.346881),
+        np.float64(21.267439),
+        "instruments",
+        "",
+        "a recording",
+    ],
+    "biased arm": [
+        np.float64(44.041108),
+        np.float64(55.186253),
+        np.float64(33.809244),
+        np.float64(33.869594),
+        np.float64(48.27943),
+        np.float64(25.768664),
+        np.float64(17.496495),
+        np.float64(19.067531),
+        np.float64(23.754364),
+        np.float64(21.674922),
+        "least_squares",
+        "",
+        "a recording",
+        "The recording holds no excitation, and the fit leaves 19 % of a joint's torque. If a servo closed",
+        "the loop, the estimates of P, Q, h, M33, n3 may be biased by more than their intervals; record the",
+        "excitation.",
+        "The recording holds no excitation, and the fit leaves 19 % of a joint's torque. If a servo closed",
+        "the loop, the estimates of A, P, Q, h, M22, M33, n2, n3, k1, k2, k3, c1, c2, c3 may be biased by",
+        "more than their intervals; record the excitation.",
+    ],
+    "torque late": [
+        np.float64(38.555307),
+        np.float64(53.568495),
+        np.float64(24.796857),
+        np.float64(34.883695),
+        np.float64(46.863511),
+        np.float64(24.960897),
+        np.float64(17.496495),
+        np.float64(19.062877),
+        np.float64(23.754364),
+        np.float64(21.674922),
+        "instruments",
+        "",
+        "a recording",
+        "The torque acts 2.03 ± 0.016 ms before its time stamp, as far as the motion shows. Shift the",
+        "recorded torque by that time; until then the intervals of A, P, Q, h, M22, M33, n3, k1, k2, k3 do",
+        "not hold.",
+    ],
+    "torque early": [
+        np.float64(20.862609),
+        np.float64(16.429718),
+        np.float64(10.326982),
+        np.float64(20.824856),
+        np.float64(20.897707),
+        np.float64(20.68998),
+        np.float64(17.496495),
+        np.float64(19.004074),
+        np.float64(23.571236),
+        np.float64(21.491794),
+        "instruments",
+        "",
+        "a recording",
+        "The torque acts 3.95 ± 0.06 ms after its time stamp, as far as the motion shows. Shift the recorded",
+        "torque by that time; until then the intervals of m, k1 do not hold.",
+    ],
+    "torque reversed": [
+        np.float64(-4.332886),
+        np.float64(51.176283),
+        np.float64(25.863784),
+        np.float64(-7.449905),
+        np.float64(-1.785778),
+        np.float64(22.408722),
+        np.float64(17.496495),
+        np.float64(19.062808),
+        np.float64(23.754364),
+        np.float64(21.674922),
+        "instruments",
+        "",
+        "a recording",
+        "No device has these parameters: the inertia matrix is not positive definite and the friction k1, k2,",
+        "k3 is negative. Check the signs of angles and torques, and the time stamps.",
+    ],
+    "torque clipped": [
+        np.float64(20.743996),
+        np.float64(17.55409),
+        np.float64(12.943022),
+        np.float64(20.660861),
+        np.float64(20.821736),
+        np.float64(21.738122),
+        np.float64(17.496495),
+        np.float64(19.004074),
+        np.float64(23.571236),
+        np.float64(21.491794),
+        "instruments",
+        "",
+        "a recording",
+        "The recorded torque of joint 1 stands at an end of its range in 15 % of the samples. Without them",
+        "the fit leaves 0.88 % of the torque of joint 1 in place of 16 %: the recording is clipped, or the",
+        "joint was at a stop. The intervals may not hold; record a larger range.",
+    ],
+    "angle clipped": [
+        np.float64(20.817195),
+        np.float64(15.133026),
+        np.float64(0.523227),
+        np.float64(20.810179),
+        np.float64(20.824159),
+        np.float64(19.564836),
+        np.float64(17.496495),
+        np.float64(19.000902),
+        np.float64(23.571236),
+        np.float64(21.491794),
+        "instruments",
+        "",
+        "a recording",
+        "The recorded angle of joint 1 stands at an end of its range in 15 % of the samples. Without them the",
+        "fit leaves 0.61 % of the torque of joint 1 in place of 1.8 %: the recording is clipped, or the joint",
+        "was at a stop. The intervals may not hold; record a larger range.",
+    ],
+    "angle clipped much": [
+        np.float64(20.793018),
+        np.float64(17.953353),
+        np.float64(7.099441),
+        np.float64(20.662734),
+        np.float64(20.907187),
+        np.float64(21.788172),
+        np.float64(17.496495),
+        np.float64(18.920072),
+        np.float64(23.571236),
+        np.float64(21.491794),
+        "instruments",
+        "",
+        "a recording",
+        "The recorded angle of joint 1 stands at an end of its range in 57 % of the samples. Without them the",
+        "fit leaves 0.69 % of the torque of joint 1 in place of 17 %: the recording is clipped, or the joint",
+        "was at a stop. The intervals may not hold; record a larger range.",
+    ],
+    "arm clipped": [
+        np.float64(47.451744),
+        np.float64(56.573073),
+        np.float64(27.533189),
+        np.float64(35.075972),
+        np.float64(48.563038),
+        np.float64(26.592124),
+        np.float64(17.496495),
+        np.float64(19.083105),
+        np.float64(23.754364),
+        np.float64(21.674922),
+        "instruments",
+        "",
+        "a recording",
+        "The recorded torque of joint 1, 2, 3 stands at an end of its range in 13 % of the samples. Without",
+        "them the fit leaves 0.29 % of the torque of joint 1 in place of 12 %: the recording is clipped, or",
+        "the joint was at a stop. The intervals may not hold; record a larger range.",
+    ],
+    "rows of parameters": [
+        "['A', 'constant part of M11', 'kg*m^2', True, False]",
+        "['P', 'part of M11 with cos 2θ2', 'kg*m^2', True, True]",
+        "['Q', 'part of M11 with -cos 2θ3', 'kg*m^2', True, True]",
+        "['h', 'coupling l1 (l2 ma + l3 mc)', 'kg*m^2', True, True]",
+        "['M22', 'inertia of joint 2', 'kg*m^2', True, False]",
+        "['M33', 'inertia of joint 3', 'kg*m^2', True, False]",
+        "['n2', 'gravity of joint 2, with cos θ2', 'N*m', True, False]",
+        "['n3', 'gravity of joint 3, with sin θ3', 'N*m', True, True]",
+        "['k1', 'viscous friction of joint 1', 'N*m*s/rad', True, True]",
+        "['k2', 'viscous friction of joint 2', 'N*m*s/rad', True, True]",
+        "['k3', 'viscous friction of joint 3', 'N*m*s/rad', True, True]",
+        "['c1', 'Coulomb friction of joint 1', 'N*m', True, True, None]",
+        "['c2', 'Coulomb friction of joint 2', 'N*m', True, True, None]",
+        "['c3', 'Coulomb friction of joint 3', 'N*m', True, False, None]",
+        np.float64(30.547507),
+        np.float64(28.733899),
+        np.float64(26.262829),
+        np.float64(29.815335),
+        np.float64(12.147981),
+        np.float64(9.987796),
+        np.float64(-2.861465),
+        np.float64(-26.407285),
+        np.float64(33.524269),
+        np.float64(9.35675),
+        np.float64(32.094611),
+        np.float64(-13.283006),
+        np.float64(3.372275),
+        np.float64(-19.574586),
+        np.float64(18.226903),
+        np.float64(17.309566),
+        np.float64(16.248263),
+        np.float64(17.092983),
+        np.float64(18.070968),
+        np.float64(17.112687),
+        np.float64(-19.717601),
+        np.float64(-18.212119),
+        np.float64(21.097055),
+        np.float64(17.172443),
+        np.float64(19.488372),
+        np.float64(-16.136432),
+        np.float64(3.104691),
+        np.float64(-23.494755),
+        np.float64(24.898915),
+        np.float64(19.077362),
+        4.242641,
+        np.float64(11.525976),
+        np.float64(19.077362),
+        2.828427,
+    ],
+    "covariances": [
+        np.float64(29.567789),
+        np.float64(29.567789),
+        np.float64(31.311218),
+        np.float64(31.311218),
+        np.float64(28.956752),
+        np.float64(28.956752),
+        np.float64(30.335862),
+        np.float64(65.351924),
+        np.float64(61.93651),
+    ],
+    "instruments": [np.float64(6665.110598), np.float64(7111.240904), np.float64(952.053828), np.float64(17.547788)],
+    "ARX": [
+        np.float64(26.966935),
+        np.float64(27.68692),
+        np.float64(27.098943),
+        np.float64(12.942618),
+        np.float64(24.041268),
+        np.float64(14.969269),
+        np.float64(30.649715),
+        np.float64(22.836586),
+        np.float64(15.471697),
+        np.float64(42.683105),
+        np.float64(11.420265),
+        np.float64(10.207631),
+        np.float64(7.336164),
+        np.float64(23.939705),
+        np.float64(19.945683),
+        np.float64(18.6464),
+        np.float64(16.672332),
+        np.float64(55.096399),
+        np.float64(24.070571),
+        np.float64(16.614121),
+        np.float64(19.701535),
+        6.292529,
+        "a11[1] a11[2] a21[1] a22[1] a22[2] a22[3] b11[1] b11[2] b12[2] b22[1] b22[2]",
+        "torque[1] torque[2] angle[1] angle[2]",
+    ],
+    "ARX with instruments": [
+        np.float64(23.311517),
+        np.float64(31.728498),
+        np.float64(31.035351),
+        np.float64(12.942618),
+        np.float64(20.653614),
+        np.float64(5.342615),
+        np.float64(18.721416),
+        np.float64(35.849192),
+        np.float64(14.952101),
+        np.float64(15.967672),
+        np.float64(14.364425),
+        np.float64(10.207631),
+        np.float64(7.336164),
+        np.float64(23.941379),
+        np.float64(20.032695),
+        np.float64(18.240935),
+        np.float64(16.960834),
+        np.float64(56.638701),
+        np.float64(15.508662),
+        np.float64(5.718597),
+        np.float64(18.864331),
+        6.292529,
+        "a11[1] a11[2] a22[1] a22[2] b11[1] b11[2] b12[1] b12[2] b21[1] b21[2] b22[1] b22[2]",
+        "torque[1] torque[2] angle[1] angle[2]",
+    ],
+    "ARX from the excitation": [
+        np.float64(23.311517),
+        np.float64(32.133963),
+        np.float64(31.035351),
+        np.float64(12.942618),
+        np.float64(20.639026),
+        np.float64(8.101888),
+        np.float64(20.003226),
+        np.float64(49.99331),
+        np.float64(25.76147),
+        np.float64(5.441675),
+        np.float64(17.888789),
+        np.float64(10.207631),
+        np.float64(7.336164),
+        np.float64(23.939705),
+        np.float64(20.320377),
+        np.float64(18.6464),
+        np.float64(23.565901),
+        np.float64(73.642448),
+        np.float64(28.897637),
+        np.float64(12.25419),
+        np.float64(24.250856),
+        6.292529,
+        "a11[1] a11[2] a22[1] a22[2] b11[1] b11[2] b11[3] b12[1] b12[2] b12[3] b21[1] b21[2] b21[3] b22[1]",
+        "b22[2] b22[3]",
+        "torque[1] torque[2] angle[1] angle[2]",
+    ],
+    "runs of an ARX model": [
+        np.float64(26.333108),
+        np.float64(26.280044),
+        np.float64(298.76569),
+        np.float64(235.416633),
+        np.float64(129.325724),
+    ],
+    "orders": [
+        np.float64(18.6464),
+        "aic 1",
+        "bic 1",
+        "mdl 1",
+        "one_step 1",
+        "free_run 1",
+        np.float64(19.339547),
+        np.float64(24.269551),
+        np.float64(24.297227),
+        np.float64(24.295317),
+        np.float64(25.891256),
+        np.float64(12.233525),
+        np.float64(19.945683),
+        np.float64(-9.468136),
+        np.float64(-9.481438),
+        np.float64(-9.479797),
+        np.float64(26.333653),
+        np.float64(26.288095),
+        np.float64(20.186845),
+        np.float64(-9.91773),
+        np.float64(-9.944448),
+        np.float64(-9.940347),
+        np.float64(26.293767),
+        np.float64(25.646802),
+        "    coefficients         AIC         BIC         MDL  one-step %  free run % (worst output)",
+        "0              6         830         854         852       61.60       -9.97",
+        "1             11       -3228       -3185       -3191       97.74       93.04",
+        "aic,bic,mdl,one_step,free_run",
+        "2             14       -2059       -2005       -2013       89.84       23.86",
+        np.float64(19.945683),
+        np.float64(19.945683),
+    ],
+    "residuals": [
+        np.float64(860.300046),
+        np.float64(25.590887),
+        np.float64(15.296329),
+        np.float64(23.933561),
+        np.float64(-232.35356),
+        0.0,
+        np.float64(35.063165),
+        np.float64(15.425127),
+        0.0,
+        np.float64(-4.965359),
+        np.float64(14.847809),
+        np.float64(23.799067),
+        np.float64(-229.086109),
+        0.0,
+        np.float64(-15.65118),
+        np.float64(14.898082),
+        0.0,
+        np.float64(24.867774),
+        np.float64(15.296329),
+        np.float64(24.801384),
+        np.float64(-632.313569),
+        0.0,
+        np.float64(32.369073),
+        np.float64(16.446787),
+        np.float64(17.547788),
+    ],
+    "excitations": [
+        np.float64(1409.804779),
+        np.float64(4387.692596),
+        "{'kind': 'multisine', 'lines': 7, 'seed': 3, 'logarithmic': False}",
+        np.float64(1390.096153),
+        np.float64(4365.57479),
+        "{'kind': 'multisine', 'lines': 6, 'seed': 1, 'logarithmic': True}",
+        np.float64(1403.126388),
+        np.float64(4411.117955),
+        "{'kind': 'multisine', 'lines': 40, 'seed': 0, 'logarithmic': False}",
+        np.float64(1395.571851),
+        np.float64(4371.325808),
+        "{'kind': 'prbs', 'seed': 5}",
+        np.float64(1409.950445),
+        np.float64(4406.147185),
+        "{'kind': 'prbs', 'seed': 0}",
+        np.float64(1418.119697),
+        np.float64(4385.510279),
+        "{'kind': 'chirp', 'seed': 2}",
+    ],
+    "base parameters": [
+        np.float64(24.712693),
+        np.float64(25.008827),
+        np.float64(16.148591),
+        np.float64(7.952354),
+        np.float64(7.952354),
+        np.float64(16.764195),
+        np.float64(17.424884),
+        np.float64(17.190045),
+        np.float64(15.535486),
+        np.float64(-19.435832),
+        np.float64(16.018862),
+        4.242641,
+        np.float64(12.146537),
+        np.float64(12.916684),
+        4.242641,
+        np.float64(11.598368),
+        np.float64(15.0881),
+        np.float64(17.569466),
+        np.float64(15.297285),
+        np.float64(17.450154),
+        np.float64(7.952354),
+        np.float64(7.952354),
+        np.float64(16.764195),
+        np.float64(17.424884),
+        np.float64(17.190045),
+        np.float64(15.535486),
+        np.float64(-19.435832),
+        np.float64(-19.076714),
+        4.242641,
+        np.float64(12.146537),
+        np.float64(12.916684),
+        4.242641,
+        np.float64(11.598368),
+        np.float64(15.0881),
+        np.float64(17.023809),
+        np.float64(15.297285),
+        np.float64(16.857367),
+        np.float64(36.10714),
+        "k1 N*m*s/rad viscous friction of joint 1 0 k2 N*m*s/rad viscous friction of joint 2 1 k3 N*m*s/rad",
+        "viscous friction of joint 3 2 c1 N*m Coulomb friction of joint 1 0 c2 N*m Coulomb friction of joint",
+        "2 1 c3 N*m Coulomb friction of joint 3 2",
+    ],
+    "prepared recordings": [
+        np.float64(1085.655839),
+        np.float64(1156.74361),
+        np.float64(763.573987),
+        np.float64(801.201295),
+        np.float64(13.27909),
+        np.float64(19.592638),
+        np.float64(2222.672317),
+        np.float64(4667.355941),
+        np.float64(19.270555),
+        np.float64(6529.121636),
+    ],
+    "friction": [
+        np.float64(18.266565),
+        np.float64(12.097607),
+        np.float64(17.442427),
+        np.float64(7.773406),
+        np.float64(19.493698),
+        np.float64(18.270584),
+        np.float64(12.023258),
+        np.float64(15.046147),
+        np.float64(9.373122),
+        np.float64(17.324644),
+        np.float64(18.431861),
+        0.0,
+    ],
+    "study of an arm": [
+        "phantom-premium-1.5a: 12 s, 6000 samples; source: simulated on the nonlinear device",
+        "            value               95 % interval      catalog  unit",
+        "A        0.002835         0.002832 … 0.002838     0.002833  kg*m^2, constant part of M11",
+        "P        0.001134         0.001131 … 0.001136     0.001132  kg*m^2, part of M11 with cos 2θ2",
+        "Q       0.0003933       0.0003897 … 0.0003969    0.0003912  kg*m^2, part of M11 with -cos 2θ3",
+        "h       0.0009124       0.0009112 … 0.0009137    0.0009123  kg*m^2, coupling l1 (l2 ma + l3 mc)",
+        "M22      0.002425         0.002424 … 0.002426     0.002426  kg*m^2, inertia of joint 2",
+        "M33     0.0009307       0.0009292 … 0.0009321    0.0009319  kg*m^2, inertia of joint 3",
+        "n2       -0.01634          -0.01637 … -0.0163      -0.0163  N*m, gravity of joint 2, with cos θ2",
+        "n3       -0.07369         -0.07382 … -0.07356     -0.07376  N*m, gravity of joint 3, with sin θ3",
+        "k1           0.05           0.04998 … 0.05002         0.05  N*m*s/rad, viscous friction of joint 1",
+        "k2      0.0009955         0.000976 … 0.001015        0.001  N*m*s/rad, viscous friction of joint 2",
+        "k3        0.01002          0.009988 … 0.01005         0.01  N*m*s/rad, viscous friction of joint 3",
+        "c1     -2.404e-05      -7.342e-05 … 2.534e-05            0  N*m, Coulomb friction of joint 1",
+        "c2      1.671e-05       -3.69e-05 … 7.033e-05            0  N*m, Coulomb friction of joint 2",
+        "c3     -6.611e-05       -0.00013 … -2.264e-06            0  N*m, Coulomb friction of joint 3",
+        "Parameters whose interval does not hold the catalog's value: M22, n2, c3.",
+        "Free run on the last 30 %, not used for the fit, NRMSE per joint:",
+        "  fitted device 99.7 %, 97.8 %, 99.3 %",
+        "  ARX           64.9 %, 55.7 %, 87.3 %",
+        "ARX residuals per joint: white no, no, no; independent of the torques no, yes, yes.",
+        np.float64(36.26444),
+        np.float64(35.012159),
+        np.float64(33.706501),
+        np.float64(34.152953),
+        np.float64(24.93971),
+        np.float64(29.390753),
+        np.float64(3.779395),
+        np.float64(2.28272),
+        np.float64(39.820629),
+        np.float64(29.216782),
+        np.float64(38.342715),
+        np.float64(19.162498),
+        np.float64(22.730922),
+        np.float64(10.876717),
+        np.float64(22.408722),
+        np.float64(28.686417),
+        np.float64(28.171712),
+        np.float64(17.191113),
+        np.float64(12.942618),
+        np.float64(35.407735),
+        np.float64(28.697392),
+        np.float64(37.008852),
+        np.float64(37.008852),
+        np.float64(35.91024),
+        np.float64(20.909424),
+        np.float64(43.444489),
+        np.float64(26.247303),
+        np.float64(11.33318),
+        np.float64(20.032695),
+        "instruments",
+        np.float64(19.062808),
+        "    coefficients         AIC         BIC         MDL  one-step %  free run % (worst output)",
+        "0             20      -27091      -27004      -27016       99.73       53.76",
+        "1             30      -31114      -30983      -31009       99.92       63.15  free_run",
+        "2             40      -32403      -32229      -32273       99.96       60.81  aic,bic,mdl,one_step",
+    ],
+    "study of a slider": [
+        "slider: 10 s, 5000 samples; source: simulated on the nonlinear device",
+        "            value               95 % interval      catalog  unit",
+        "m          0.0634           0.06257 … 0.06423         0.06  kg, moving mass",
+        "k1         0.8362              0.7714 … 0.901          0.5  N*s/m, viscous friction of joint 1",
+        "Parameters whose interval does not hold the catalog's value: m, k1.",
+        "Free run on the last 30 %, not used for the fit, NRMSE per joint:",
+        "  fitted device 80.3 %",
+        "  ARX           52.6 %",
+        "ARX residuals per joint: white no; independent of the torques yes.",
+        np.float64(33.747424),
+        np.float64(35.093607),
+        np.float64(21.91358),
+        np.float64(23.347498),
+        np.float64(22.924902),
+        np.float64(17.191113),
+        np.float64(12.942618),
+        np.float64(1.237009),
+        np.float64(23.564993),
+        np.float64(21.387199),
+        np.float64(21.387199),
+        np.float64(20.694052),
+        np.float64(9.118103),
+        np.float64(20.694052),
+        np.float64(26.064981),
+        np.float64(11.33318),
+        np.float64(19.850373),
+        "instruments",
+        np.float64(17.547955),
+        "    coefficients         AIC         BIC         MDL  one-step %  free run % (worst output)",
+        "0              4      -10499      -10483      -10483       99.82       89.22  free_run",
+        "1              6      -10877      -10852      -10853       99.91       88.66",
+        "2              8      -10915      -10881      -10884       99.91       81.58  aic,bic,mdl,one_step",
+    ],
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_result_is_the_stored_one_in_every_number(case: str) -> None:
+    found = [one if isinstance(one, str) else fingerprint(one) for one in CASES[case]()]
+    wanted = STORED[case]
+    assert [x for x in found if isinstance(x, str)] == [x for x in wanted if isinstance(x, str)]
+    numbers = [x for x in found if not isinstance(x, str)]
+    assert numbers == pytest.approx([x for x in wanted if not isinstance(x, str)], abs=2e-5)
+
+
+def test_a_study_writes_its_report_and_its_device(tmp_path: Path) -> None:
+    said: list[str] = []
+    identify.identify_recording(slider_recording(), SLIDER, tmp_path, write=tmp_path / "d.toml", progress=said.append)
+    assert said == [
+        "estimating inertia, gravity and friction", "running the fitted device on data not used", "fitting ARX models"
+    ]  # fmt: skip
+    assert (tmp_path / "identification.json").exists()
+    assert devices.load(tmp_path / "d.toml").dof == 1

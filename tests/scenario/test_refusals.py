@@ -494,6 +494,9 @@ REFUSED: list[tuple[Callable[..., dict[str, Any]], dict[str, Any], str]] = [
     (display, {"device": {"delay": 2}, "guard": {"kind": "half_sample", "deadbeat": True}},
      "guard.deadbeat: the two forces must act at once, and the device has a delay of 2 servo "
      "period(s); leave deadbeat out, or write device.delay = 0"),
+    (display, {"device": {"delay": 1}, "guard": {"kind": "half_sample", "deadbeat": True}},
+     "guard.deadbeat: the two forces must act at once, and the device has a delay of 1 servo "
+     "period(s); leave deadbeat out, or write device.delay = 0"),
     (tables, {"reference": {"shape": "ramp"}},
      "reference: a ramp needs rise"),
     (tables, {"reference": {"shape": "sine"}},

@@ -1,0 +1,520 @@
+"""Parts of a simulation against plain references: meshes, frames, statics, windows, reach, designs and exports."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import fem
+from palpate.control import Controller
+from palpate.errors import DesignError, ScenarioError
+from palpate.scenario import Scenario
+from palpate.simulation.controllers import (
+    build_controller,
+    design_for,
+    read_scenario,
+    with_controller,
+    written_out,
+)
+from palpate.simulation.evidence import _established, _passed, _shifts, _tool_error, leaves_reach, second_differences
+from palpate.simulation.force_objects import force_object
+from palpate.simulation.judgment import _reach, _unsupported
+from palpate.simulation.meshes import box_mesh, bumpy_ellipsoid
+from palpate.simulation.moving_frame import seen_from_object, touching_tip, turned_to_object
+from palpate.simulation.observed_run import observe
+from palpate.simulation.placed_objects import PlacedObject, object_channels
+from palpate.simulation.statics import expected_deflection, force_over_stiffness, presses, steady_error
+from palpate.simulation.step_response import step_response
+from palpate.simulation.trace import CHANNELS, Trace, describe_channel
+from palpate.simulation.trace_export import column_names
+from palpate.simulation.windows import Window, constant_stretches, windows
+from scipy.spatial.transform import Rotation
+
+T = 1e-3
+POSE = [0.1, 2.2305, 3.2776]
+TRACKING: dict[str, Any] = {
+    "device": {"name": "phantom-premium-1.5a"},
+    "start": {"pose": ["0.1 rad", "2.2305 rad", "3.2776 rad"]},
+    "servo": {"period": "1 ms", "topology": "force_tracking"},
+    "reference": {"shape": "step", "force": ["1 N", "0 N", "-2 N"]},
+    "object": {"kind": "spring", "stiffness": ["900 N/m", "0 N/m", "500 N/m"]},
+    "controller": {"kind": "none"},
+}
+
+
+def tracking(**tables: Any) -> Scenario:
+    return Scenario.from_dict({**TRACKING, **tables})
+
+
+@pytest.mark.parametrize("divisions", [1, 2, 3])
+def test_a_box_mesh_is_a_closed_cube_of_equal_triangles_below_its_origin(divisions: int) -> None:
+    edge = 0.06
+    vertices, triangles = box_mesh(edge, divisions)
+    assert len(triangles) == 12 * divisions**2
+    assert len(vertices) == 6 * divisions**2 + 2 == len(np.unique(np.round(vertices, 12), axis=0))
+    np.testing.assert_allclose(vertices.min(axis=0), [-edge / 2, -edge / 2, -edge])
+    np.testing.assert_allclose(vertices.max(axis=0), [edge / 2, edge / 2, 0.0], atol=1e-15)
+    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), (edge / divisions) ** 2)
+    outward = (a + b + c) / 3.0 - [0.0, 0.0, -edge / 2]
+    assert (np.sum(normals * outward, axis=1) > 0.0).all()
+    assert np.sum(a * np.cross(b, c)) / 6.0 == pytest.approx(edge**3)
+    edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    # parallel diagonals: the longest sides on a pair of opposite faces have one direction
+    sides = np.stack([b - a, c - b, a - c], axis=1)
+    lengths = np.linalg.norm(sides, axis=2).max(axis=1)
+    long = sides[np.arange(len(sides)), np.argmax(np.linalg.norm(sides, axis=2), axis=1)]
+    np.testing.assert_allclose(lengths, np.sqrt(2.0) * edge / divisions)
+    for axis in range(3):
+        flat = np.abs(normals[:, axis]) > 0.5 * np.linalg.norm(normals, axis=1)
+        slopes = long[flat] / lengths[flat, None]
+        np.testing.assert_allclose(np.abs(slopes @ slopes[0]), 1.0)
+
+
+def test_an_ellipsoid_has_its_bumps_and_its_top_at_the_origin() -> None:
+    size, bump = (0.06, 0.05, 0.04), 0.1
+    vertices, _ = bumpy_ellipsoid(size, bump, 2)
+    half = np.array(size) / 2.0
+
+    def radius(x: float, y: float, z: float) -> float:
+        waves = np.sin(5 * x + 1) * np.sin(4 * y + 2) + np.sin(3 * z) * np.cos(4 * x + 3 * y)
+        return float(1.0 + bump * waves / 2.0)
+
+    smooth, _ = bumpy_ellipsoid((2.0, 2.0, 2.0), 0.0, 2)
+    directions = smooth + np.array([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    expected = [np.array(e) * half * radius(*e) for e in directions]
+    top = np.array([0.0, 0.0, half[2] * radius(0.0, 0.0, 1.0)])
+    np.testing.assert_allclose(vertices, np.array(expected) - top, atol=1e-15)
+
+
+def test_a_moving_frame_is_left_by_its_translation_and_then_its_rotation() -> None:
+    rng = np.random.default_rng(0)
+    turns, origins, points = rng.standard_normal((3, 5, 3))
+    run = Trace.of(np.arange(5.0), {"frame_position": origins, "frame_rotation": turns, "tip": points, "tool": -points})
+    still = Trace.of(np.arange(5.0), {"tip": points})
+    for row in range(5):
+        matrix = Rotation.from_rotvec(turns[row]).as_matrix()
+        np.testing.assert_allclose(seen_from_object(run, points)[row], matrix.T @ (points[row] - origins[row]))
+        np.testing.assert_allclose(turned_to_object(run, points)[row], matrix.T @ points[row])
+        np.testing.assert_allclose(touching_tip(run)[row], matrix.T @ (-points[row] - origins[row]))
+    for found in (seen_from_object(still, points), turned_to_object(still, points), touching_tip(still)):
+        np.testing.assert_array_equal(found, points)
+
+
+def test_a_constant_force_deflects_a_spring_per_axis_and_a_wall_along_its_normal() -> None:
+    none = [None, None, None]
+    assert expected_deflection(None) == none
+    assert expected_deflection(tracking()) == [pytest.approx(1 / 900), None, pytest.approx(-2 / 500)]
+    ramp = {"shape": "ramp", "force": ["1 N", "0 N", "-2 N"], "rise": "10 ms"}
+    assert expected_deflection(tracking(reference=ramp)) == expected_deflection(tracking())
+    assert expected_deflection(tracking(reference={**TRACKING["reference"], "stop": "0.5 s"})) == none
+    wall = {"kind": "wall", "stiffness": "400 N/m", "normal": [0.0, 0.6, 0.8]}
+    pressing = (1.0 * 0.0 - 2.0 * 0.8) / 400.0
+    found = expected_deflection(tracking(object=wall))
+    assert found == [None, pytest.approx(pressing * 0.6), pytest.approx(pressing * 0.8)]
+    assert expected_deflection(tracking(object={**wall, "normal": [0.0, -0.6, -0.8]})) == none
+    assert expected_deflection(tracking(object={"kind": "none"})) == none
+
+
+def test_driven_axes_are_those_above_a_twentieth_of_the_largest_deflection() -> None:
+    expected = [[2.0, 0.1, np.nan], [2.0, 0.101, -1.0], [0.0, np.nan, 0.0]]
+    found = steady_error([[2.2, 9.0, 5.0], [2.2, 0.202, -1.3], [1.0, 1.0, 1.0]], expected)
+    np.testing.assert_allclose(found, [0.1, 1.0, np.nan])
+    for dof, columns in ((1, [0.5, np.nan, np.nan]), (2, [0.5, np.nan, np.nan]), (3, [0.5, np.nan, -0.25])):
+        np.testing.assert_array_equal(force_over_stiffness([1.0, 2.0, -1.0], [2.0, 0.0, 4.0], dof)[0], columns)
+    angles = np.array([0.0, 1.0, 2.0])
+    for angle in (0.0, np.arccos(-0.049), np.arccos(-0.051), np.pi):
+        load = 3.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        assert bool(presses(load, [7.0, 0.0, 0.0])[0]) is bool(np.cos(angle) < -0.05)
+    assert presses(np.outer(angles, [0, 0, -1.0]), [0.0, 0.0, 1.0]).tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize("turns", [0.3, 0.999, 1.0, 1.2, 1.5])
+def test_a_hann_window_passes_its_transform_of_an_oscillation(turns: float) -> None:
+    x = (np.arange(20000) + 0.5) / 20000 - 0.5
+    weights = 1.0 + np.cos(2.0 * np.pi * x)
+    share = abs(np.sum(weights * np.cos(2.0 * np.pi * turns * x)) / weights.sum())
+    assert _passed(turns) == pytest.approx(max(share, 0.0275), rel=1e-4)
+    assert _passed(2.0) == _passed(7.0) == 0.0275
+
+
+def test_a_contact_is_established_when_it_lasts_as_long_as_the_flight_after_it() -> None:
+    def first(*lengths: int) -> int:
+        """Return the row for stretches off and on the object in turn."""
+        return _established(np.repeat(np.arange(len(lengths)) % 2 > 0, lengths))
+
+    assert first(0, 5, 9, 3) == 0
+    assert first(4, 5, 5, 30) == 4
+    assert first(4, 5, 6, 30) == 15
+    assert first(4, 3, 7, 5, 5, 40) == 14  # as long as the flight, and half as long as the bounces
+    assert first(4, 3, 7, 5, 6, 40) == 25
+    assert first(4, 3, 8, 5, 5, 40) == 25
+    assert first(4, 2, 3, 2, 3, 2, 90) == 4  # none lasts: the first contact
+
+
+def test_an_oscillation_of_the_tip_is_measured_at_the_last_sample_of_a_tool() -> None:
+    n = 10
+    tool, tip = np.zeros((n, 3)), np.zeros((n, 3))
+    tool[:, 0], tip[:, 1] = np.arange(n), 2.0 * np.arange(n)
+    run = Trace.of(T * np.arange(n), {"tip": tip, "tool": tool})
+    expected = np.hypot(7.0, 14.0) / 1.0
+    assert _tool_error(run, slice(4, 8), np.ones((n, 3)) / np.sqrt(3.0), 0.0) == pytest.approx(expected, rel=1e-6)
+
+
+def test_reach_is_left_at_any_row_of_the_window_and_at_none_outside() -> None:
+    scenario = tracking()
+    for row, beyond in ((19, False), (20, True), (49, True), (50, True), (51, False)):
+        angles = np.tile(POSE, (60, 1))
+        angles[row, 0] += 7.0
+        force = np.tile([1.0, 0.0, -2.0], (60, 1))
+        run = Trace.of(T * np.arange(60), {"angle": angles, "reference_force": force})
+        assert leaves_reach(run, scenario, Window(20, 50)) is beyond
+        if beyond:
+            assert _reach(run, scenario, Window(20, 50))[0] == pytest.approx(T * row)
+    still = Trace.of(T * np.arange(60), {"angle": np.tile(POSE, (60, 1)), "reference_force": force})
+    soft = tracking(object={"kind": "spring", "stiffness": "2 N/m"})
+    assert leaves_reach(still, soft, Window(20, 50))
+    assert _reach(still, soft, Window(20, 50))[0] is None
+    assert not leaves_reach(still, soft, Window(20, 50, constant=False))
+    frozen = tracking(
+        object={"kind": "spring", "stiffness": "2 N/m"},
+        device={"name": "phantom-premium-1.5a", "kinematics": "linear"},
+    )
+    assert not leaves_reach(still, frozen, Window(20, 50))
+
+
+def test_supports_that_change_late_are_the_reason_only_where_the_forces_are_constant() -> None:
+    body = SimpleNamespace(supports=[SimpleNamespace(at=0.098), SimpleNamespace(at=0.05)])
+    one = SimpleNamespace(object=SimpleNamespace(body=body))
+    scenario: Any = SimpleNamespace(
+        each_object={"": one}, period=T, operator=SimpleNamespace(moves=False), reference=None
+    )
+    n = 100
+    constant = np.ones((n, 3))
+    changing = constant + np.arange(n)[:, None]
+    for force, said in ((constant, True), (changing, False)):
+        run = Trace.of(T * np.arange(n), {"reference_force": force})
+        found = _unsupported(run, scenario)
+        assert (found is not None) is said
+        if found:
+            assert found.startswith("the supports of the body change at 0.098 s, too late to judge what follows")
+    assert _unsupported(run, None) is None
+    body.supports = []
+    assert _unsupported(Trace.of(T * np.arange(n), {"reference_force": constant}), scenario) is None
+
+
+def test_a_window_begins_where_a_force_becomes_constant_and_lasts_a_tenth_or_a_twentieth() -> None:
+    forces = np.zeros((1000, 2))
+    forces[200:300, 1], forces[300:, 1] = 1.0, 2.0
+    forces[300:950, 0] = np.arange(650)
+    assert constant_stretches(forces)[[0, 1, 2, 3, -1]].tolist() == [0, 200, 300, 301, 1000]
+    assert windows(forces) == [Window(0, 199), Window(200, 299), Window(950, 999)]
+    forces[950, 0] = 9.0
+    assert windows(forces) == [Window(0, 199), Window(200, 299), Window(0, 999, False)]
+    forces[299] = 7.0
+    assert windows(forces) == [Window(0, 199), Window(0, 999, False)]
+    short = np.zeros((120, 1))
+    short[50:] = 1.0
+    assert windows(short) == [Window(0, 49), Window(50, 119)]
+    short[71:] = 2.0
+    assert windows(short) == [Window(0, 49), Window(0, 119, False)]
+    assert (Window(3, 13).fifth, Window(3, 12).fifth) == (2, 1)
+    assert (Window(3, 13).ending, Window(3, 6).ending) == (slice(12, 14), slice(6, 7))
+
+
+def test_a_step_of_two_samples_has_a_response_and_its_band_is_not_left_at_its_edge() -> None:
+    two = step_response([1.0, 2.0], [3.0, 5.0], start=1.0)
+    assert (two.steady, two.peak, two.settling_time, two.overshoot_percent) == (5.0, 5.0, 1.0, 0.0)
+    assert (two.swing_growth, two.returns, two.ripple, two.error_percent) == (None, False, 0.0, None)
+    y = np.r_[0.0, 8.0, 5.0, 4.5, np.full(96, 4.0)]
+    found = step_response(np.arange(100.0), y, band=0.125, expected=-5.0)
+    assert (found.steady, found.settling_time, found.overshoot_percent) == (4.0, 3.0, 100.0)
+    assert found.error_percent == pytest.approx(180.0)
+    back = step_response(np.arange(100.0), np.r_[0.0, 8.0, 0.4, 0.3, np.full(96, 0.0)], band=0.05)
+    assert (back.returns, back.settling_time, back.peak) == (True, 2.0, 8.0)
+
+
+def test_bends_are_changes_of_the_speed_between_late_samples() -> None:
+    rng = np.random.default_rng(2)
+    time = np.cumsum(rng.uniform(0.5, 1.5, 30))
+    tip = rng.standard_normal((30, 3))
+    for interval in (0.7, None):
+        unit = np.median(np.diff(time)) if interval is None else interval
+        found = second_differences(time, tip, interval)
+        for row in range(2, 30):
+            after, before = ((tip[i] - tip[i - 1]) / (time[i] - time[i - 1]) * unit for i in (row, row - 1))
+            assert found[row] == pytest.approx(np.linalg.norm(after - before))
+    assert _shifts(tip, Window(0, 29), 0.1, 0.1) == {}
+
+
+def test_each_channel_of_an_object_is_described_by_the_longest_name_that_ends_its_own() -> None:
+    assert describe_channel("tip") == CHANNELS["tip"]
+    assert describe_channel("left_cube_object_force") == ("N", "left_cube: force of the tip on the object")
+    assert describe_channel("egg_force") == ("N", "egg: force of the tip on the object")
+    assert describe_channel("egg_frame_position") == ("m", "egg: origin of the frame of a moving object")
+    assert describe_channel("egg_contact_moment")[0] == "N*m"
+    assert describe_channel("unknown") == ("", "")
+    assert describe_channel("a_touching") == ("", "a: 1 while the tip touches it")
+
+
+def test_columns_are_named_by_axis_or_joint() -> None:
+    assert column_names("depth", 1) == ["depth"]
+    assert column_names("tip", 3) == ["tip_x", "tip_y", "tip_z"]
+    assert column_names("angle", 3) == ["angle_1", "angle_2", "angle_3"]
+    assert column_names("tip", 2) == ["tip_1", "tip_2"]
+
+
+def test_a_plot_has_a_line_for_each_component_that_moves() -> None:
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    time = np.array([0.0, 0.5, 2.0])
+    values = {
+        "tip": [[0.0, 1.0, 2.0], [0.0, 0.0, 3.0], [0.0, 5.0, 4.0]], "angle": np.ones((3, 3)), "own": np.ones((3, 4)),
+        "triangle": [1.0, 2.0, 3.0], "object_force": np.zeros((3, 3)),
+    }  # fmt: skip
+    run = Trace.of(time, values)  # type: ignore[arg-type]
+    figure, axes = pyplot.subplots()
+    expected = {
+        "tip": (["y", "z"], [1, 2], "tip [m]"), "angle": (["1", "2", "3"], [0, 1, 2], "angle [rad]"),
+        "own": (["1", "2", "3", "4"], [0, 1, 2, 3], "own"), "triangle": (None, [0], "triangle"),
+        "object_force": (["x"], [0], "object force [N]"),
+    }  # fmt: skip
+    for name, (labels, columns, title) in expected.items():
+        axes.clear()
+        assert run.plot(name, axes) is axes
+        lines = axes.get_lines()
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", title)
+        assert (axes.get_legend() is None) is (labels is None)
+        if labels is not None:
+            assert [line.get_label() for line in lines] == labels
+        for line, column in zip(lines, columns, strict=True):
+            np.testing.assert_array_equal(line.get_xdata(), time)
+            np.testing.assert_array_equal(line.get_ydata(), run[name][:, column])
+    pyplot.close(figure)
+    own = run.plot("tip").figure
+    assert own.get_size_inches().tolist() == [6.4, 3.2]
+    pyplot.close(own)
+
+
+class Recorder:
+    """Stands in for the writer of the package mcap, which may not be installed."""
+
+    made: list[Recorder] = []  # noqa: RUF012
+
+    def __init__(self, file: Any) -> None:
+        self.calls: list[tuple[str, dict[str, Any]]] = [("file", {"name": file.name})]
+        self.made.append(self)
+
+    def __getattr__(self, name: str) -> Any:
+        def call(*arguments: Any, **keywords: Any) -> int:
+            self.calls.append((name, {**dict(enumerate(arguments)), **keywords}))  # type: ignore[dict-item]
+            return len(self.calls)
+
+        return call
+
+
+def test_an_mcap_file_holds_units_metadata_and_one_number_per_component(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mcap", ModuleType("mcap"))
+    monkeypatch.setitem(sys.modules, "mcap.writer", SimpleNamespace(Writer=Recorder))
+    values = {"tip": [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], "depth": [7.0, 8.0]}
+    Trace.of([0.0, 0.1], values, metadata={"title": "press"}).save(tmp_path / "t.mcap")  # type: ignore[arg-type]
+    first, start, notes, *rest, last = Recorder.made[-1].calls
+    assert (first[0], start, last) == ("file", ("start", {"profile": "", "library": "palpate"}), ("finish", {}))
+    assert (notes[0], notes[1][0]) == ("add_metadata", "palpate")
+    assert json.loads(notes[1][1]["trace"]) == {"metadata": {"title": "press"}, "unstable_from_s": None}
+    tips = [{"x": 1.0, "y": 2.0, "z": 3.0}, {"x": 4.0, "y": 5.0, "z": 6.0}]
+    rows: dict[str, list[dict[str, float]]] = {"tip": tips, "depth": [{"value": 7.0}, {"value": 8.0}]}
+    for number, name in enumerate(("tip", "depth")):
+        schema, channel, *messages = rest[4 * number : 4 * number + 4]
+        told = json.loads(schema[1].pop("data"))
+        assert schema == ("register_schema", {"name": name, "encoding": "jsonschema"})
+        assert told == {
+            "type": "object",
+            "description": f"{CHANNELS[name][1]} [m]",
+            "properties": {key: {"type": "number"} for key in rows[name][0]},
+        }
+        assert channel == (
+            "register_channel",
+            {"topic": f"/{name}", "message_encoding": "json", "schema_id": 4 + 4 * number, "metadata": {"unit": "m"}},
+        )
+        for (call, given), row, stamp in zip(messages, rows[name], (0, 10**8), strict=True):
+            assert (call, json.loads(given.pop("data"))) == ("add_message", row)
+            assert given == {"channel_id": 5 + 4 * number, "log_time": stamp, "publish_time": stamp}
+
+
+def test_a_design_is_for_the_stiffness_given_else_that_of_the_object_else_one_newton_per_millimeter() -> None:
+    device, start = tracking().load_device(), np.array(POSE)
+
+    def designed(options: dict[str, Any], stiffness: Any, normalize: bool = False) -> Controller:
+        return design_for("lqg", options, device, start, stiffness, T, normalize)
+
+    for options, stiffness, normalize, expected in (
+        ({}, None, False, 1000.0), ({}, 700.0, False, 700.0), ({"stiffness": 400.0}, 700.0, False, 400.0),
+        ({}, 700.0, True, 1000.0), ({"stiffness": 400.0}, 700.0, True, 400.0),
+    ):  # fmt: skip
+        law = designed(options, stiffness, normalize)
+        assert law.notes["design_stiffness"] == expected
+        assert (law.design_stiffness is not None) is normalize
+        same = designed({"stiffness": expected}, None)
+        np.testing.assert_allclose(law.system.D, same.system.D)
+        np.testing.assert_allclose(law.system.A, same.system.A)
+    with pytest.raises(DesignError, match='a design is "lead_lag" or "lqg", not \'pid\''):
+        design_for("pid", {}, device, start, None, T)
+    with pytest.raises(DesignError, match="lqg: an option is not known"):
+        designed({"colour": 1.0}, None)
+
+
+def test_a_controller_is_written_as_a_gain_if_it_acts_on_the_error_of_each_axis_alone() -> None:
+    import control
+
+    def kind(d: Any, states: int = 0) -> str:
+        a, b, c = np.zeros((states, states)), np.ones((states, 6)), np.ones((3, states))
+        return with_controller(tracking(), Controller(control.StateSpace(a, b, c, d, T))).controller.kind
+
+    gain = np.diag([1.0, 0.0, 2.0])
+    both = np.hstack([gain, -gain])
+    assert kind(both) == "gain"
+    assert kind(both, 1) == "state_space"
+    assert kind(-both) == "state_space"
+    assert kind(np.hstack([gain, gain])) == "state_space"
+    assert kind(np.hstack([gain + 0.1, -gain])) == "state_space"
+    found = with_controller(tracking(), Controller(control.StateSpace([], [], [], both, T))).controller
+    assert found.gain == (1.0, 0.0, 2.0)
+    lqg = tracking(controller={"kind": "lqg"})
+    again = written_out(lqg)
+    assert again.controller.kind == "state_space"
+    law, same = (build_controller(one, lqg.load_device(), np.array(POSE)) for one in (lqg, again))
+    for name in "ABCD":
+        np.testing.assert_allclose(getattr(law.system, name), getattr(same.system, name))
+    np.testing.assert_allclose(law.antiwindup, same.antiwindup)
+    assert written_out(tracking()) is not None
+    scenario = tracking()
+    assert written_out(scenario) is scenario
+    assert read_scenario(scenario) is scenario
+    assert read_scenario(TRACKING) == scenario
+    assert read_scenario(TRACKING, law).controller == again.controller
+    normalized = tracking(controller={"kind": "lqg", "normalize": True})
+    assert written_out(normalized).controller.normalize == (1000.0, 1000.0, 1000.0)
+
+
+def test_a_field_has_the_parameters_of_its_scenario() -> None:
+    place = np.array([1.0, 2.0, 3.0])
+
+    def fields(**keys: Any) -> dict[str, Any] | None:
+        touched = {"kind": "field", "field": keys}
+        return force_object(Scenario.from_dict({**TRACKING, "object": touched}), place)
+
+    found = fields(kind="vibration", force=["1 N", "0 N", "2 N"], frequency="100 Hz")
+    assert found is not None
+    assert (found["frequency"], found["decay"], found["at_contact"]) == (pytest.approx(100.0), np.inf, False)
+    np.testing.assert_array_equal(found["normal"], [0.0, 0.0, 1.0])
+    np.testing.assert_array_equal(found["point"], place)
+    np.testing.assert_array_equal(found["force"], [1.0, 0.0, 2.0])
+    with pytest.raises(ScenarioError, match=r"500 Hz; it must be below half the servo rate, 500 Hz"):
+        fields(kind="vibration", force=["1 N", "0 N", "2 N"], frequency="500 Hz")
+    mass = fields(kind="virtual_mass", mass="0.1 kg", stiffness="300 N/m", coupling_damping="2 N*s/m")
+    assert mass == {"kind": "virtual_mass", "mass": 0.1, "stiffness": 300.0, "damping": 2.0, "period": T}
+    assert fields(kind="viscous", damping="3 N*s/m") is None
+    well = fields(kind="gravity_well", stiffness="300 N/m", radius="2 mm", largest_force="0.4 N")
+    assert well is not None
+    assert (well["stiffness"], well["radius"], well["cap"]) == pytest.approx((300.0, 2e-3, 0.4))
+    constant = fields(kind="constant", force=["1 N", "0 N", "2 N"])
+    assert constant is not None
+    assert constant["force"].tolist() == [1.0, 0.0, 2.0]
+
+
+def test_the_deflection_of_an_object_is_that_of_its_law() -> None:
+    tip = np.array([[2.0, 0.0, -1.0], [0.5, 1.0, 3.0], [1.0, 2.0, 3.0]])
+
+    def deflected(object: dict[str, Any], values: dict[str, Any] | None = None) -> list[list[float]]:
+        setup = SimpleNamespace(wall=SimpleNamespace(point=[1.0, 0.0, 0.0]))
+        placed = PlacedObject(Scenario.from_dict({**TRACKING, "object": object}), setup, np.zeros(3))
+        return placed._deflection(tip, values or {}).tolist()
+
+    away = (tip - [1.0, 0.0, 0.0]).tolist()
+    assert deflected({"kind": "spring", "stiffness": "1 N/m"}) == away
+    wall = {"kind": "wall", "stiffness": "1 N/m", "normal": [0.0, 0.0, 1.0]}
+    assert deflected(wall) == [[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    law = {"kind": "force_law", "normal": [0.0, 1.0, 0.0], "law": {"formula": "500 * x", "deepest": "1 m"}}
+    depth = np.array([[2.0], [-1.0], [0.0]])
+    assert np.abs(deflected(law, {"depth": depth})).tolist() == [[0.0, 2.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    assert deflected(law, {"depth": depth})[0][1] == -2.0
+    assert deflected(law, {"mass_position": tip - 0.25}) == np.full((3, 3), 0.25).tolist()
+    field = {"kind": "gravity_well", "stiffness": "1 N/m", "radius": "1.5 m", "largest_force": "9 N"}
+    assert deflected({"kind": "field", "field": field}) == [away[0], [0.0] * 3, [0.0] * 3]
+    push = {"kind": "constant", "force": ["1 N", "0 N", "0 N"]}
+    assert deflected({"kind": "field", "field": push}) == np.zeros((3, 3)).tolist()
+
+
+def test_the_deflection_of_a_scene_is_that_of_the_object_with_the_largest_force() -> None:
+    """Each object has its force, whether it touches, and then its own columns."""
+    springs = {"kind": "spring", "stiffness": "1 N/m"}
+    placed = {
+        name: PlacedObject(
+            Scenario.from_dict({**TRACKING, "object": springs}),
+            SimpleNamespace(wall=SimpleNamespace(point=[point, 0.0, 0.0])),
+            np.zeros(3),
+        )
+        for name, point in (("left", -1.0), ("right", 1.0))
+    }
+    columns = np.array([
+        [3.0, 0.0, 4.0, 1.0, 0.0, 6.0, 0.0, 1.0],
+        [3.0, 0.0, 4.0, 1.0, 0.0, 4.0, 0.0, 1.0],
+        [3.0, 0.0, 4.0, 0.0, 0.0, 1.0, 0.0, 1.0],
+        [3.0, 0.0, 4.0, 1.0, 0.0, 5.0, 0.0, 1.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    ])  # fmt: skip
+    found = object_channels(placed, columns, np.zeros((5, 3)))
+    assert found["deflection"][:, 0].tolist() == [-1.0, 1.0, -1.0, 1.0, 0.0]
+    assert list(found) == [
+        "deflection",
+        *(f"{name}_{key}" for name in ("left", "right") for key in ("force", "touching", "deflection")),
+    ]
+    np.testing.assert_array_equal(found["right_force"], columns[:, 4:7])
+    np.testing.assert_array_equal(found["left_touching"], columns[:, 3:4])
+
+
+def test_an_observed_run_is_held_pushed_by_shares_of_its_force_and_observed(tmp_path: Path) -> None:
+    path = tmp_path / "block.h5"
+    fem.build(
+        fem.block((0.024, 0.024, 0.012), 0.006),
+        young=20e3,
+        fixed="z < 0.001 mm",
+        touch="z > 11.9 mm",
+        order=1,
+        output=path,
+    )
+    body = {"file": str(path), "origin": ["12 mm", "12 mm", "12 mm"], "tip": "flat", "radius": "8 mm"}
+    hand = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "300 N/m"}
+    tables = {
+        **{key: TRACKING[key] for key in ("device", "start")},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {**hand, "shape": "ramp", "rise": "0.1 s", "force": ["0 N", "0 N", "-0.6 N"]},
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-0.2 mm"], "body": {**body, "kind": "compliance"}},
+        "run": {"duration": "0.5 s", "record_every": 5},
+    }
+    seen = observe(Scenario.from_dict(tables), ticks=300, hold=0.2504)
+    assert (seen.end, seen.held, len(seen.trace)) == (500, 751, 751 + 2 + 300)
+    assert seen.rests
+    assert not seen.oscillates
+    assert seen.lasts
+    assert "and observed for 0.302 s; its verdict is settled" in seen.sentence
+    force, operator = seen.trace["object_force"], seen.trace["operator_force"]
+    assert np.linalg.norm(force[751]) == pytest.approx(np.linalg.norm(force[750]), rel=1e-3)
+    free = observe(Scenario.from_dict(tables), ticks=5, hold=0.2504).trace
+    push = operator[752:757] - operator[751]
+    along = push @ force[751] / np.linalg.norm(force[751]) ** 2
+    assert along[0] == pytest.approx(0.05, abs=0.01)
+    assert np.linalg.norm(push[0]) / np.linalg.norm(force[751]) == pytest.approx(np.hypot(0.05, 0.02), abs=0.01)
+    assert len(free) == 751 + 2 + 5
+    assert np.abs(operator[757] - operator[751]).max() < 0.5 * np.abs(push[0]).max()
+    assert seen.kept == pytest.approx(0.0505995, rel=1e-3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -272,3 +273,13 @@ def test_a_motor_that_a_direction_does_not_load_does_not_limit_it() -> None:
         assert found == pytest.approx(most)
     assert most_within_limits(free, np.eye(3), np.zeros(3), np.array([2.0, 0.0, 0.0]), 5.0) == pytest.approx(2.5)
     assert most_within_limits(free, np.eye(3), np.zeros(3), np.array([1.0, 0.0, 0.0]), np.inf) == np.inf
+
+
+@pytest.mark.parametrize(("small", "moves"), [(5e-10, True), (1.5e-11, True), (0.9e-11, False)])
+def test_a_lever_below_a_billionth_of_the_largest_is_rounding(small: float, moves: bool) -> None:
+    """However short all of them are: the ratio decides."""
+    device: Any = SimpleNamespace(jacobian=lambda _: np.diag([1e-2, small, 0.0]), breakaway=np.array([1.0, 1e-15, 0.0]))
+    lever = np.array([1e-2, small]) / np.sqrt(2.0)
+    expected = 1e-15 / lever[1] if moves else 1.0 / lever[0]
+    assert moving_force(device, [0.0], [1.0, 1.0, 0.0]) == pytest.approx(expected)
+    assert moving_force(device, [0.0], [0.0, 0.0, 1.0]) == np.inf

@@ -715,6 +715,8 @@ def test_a_soft_object_and_a_damper_alone_act_in_their_directions() -> None:
     device = SimpleNamespace(jacobian=lambda _: np.diag([1e-9, 2e-10, 1e-19]))
     small: Any = SimpleNamespace(stiffness=np.eye(3), damping=0 * np.eye(3), device=device, pose=None)
     np.testing.assert_array_equal(LoopResponse.directions(small), np.eye(3)[:2])
+    small.device = SimpleNamespace(jacobian=lambda _: np.diag([1e-9, 2e-10, 1.5e-18]))
+    np.testing.assert_array_equal(LoopResponse.directions(small), np.eye(3))
     guarded = {**tables, "object": soft, "guard": {"kind": "half_sample"}}
     with pytest.raises(StabilityError, match="a guard makes the loop nonlinear"):
         response(guarded)
@@ -723,3 +725,24 @@ def test_a_soft_object_and_a_damper_alone_act_in_their_directions() -> None:
             StabilityError, match=r"^frequencies must lie above 0 and below half the sampling rate, 500 Hz$"
         ):
             loop.displacement(wrong)
+
+
+def test_rate_hardness_behind_a_controller_with_a_state_written_out() -> None:
+    """Its state adds to the force of a tick what it kept of the ticks before."""
+    x, v, kept, commands = 0.0, 1.0, 0.0, []
+    a, tau = np.exp(-B * T / MASS), MASS / B
+    for _ in range(10):
+        force = 200.0 * x
+        commands.append(0.2 * kept + 0.5 * force)
+        kept = 0.6 * kept + force
+        x, v = (
+            x + tau * (1 - a) * v - (T - tau * (1 - a)) / B * commands[-1],
+            a * v - (1 - a) / B * commands[-1],
+        )
+    one = np.eye(3)
+    tables = slider("200 N/m")
+    tables["controller"] = {
+        "kind": "state_space", "A": (0.6 * one).tolist(), "B": np.hstack([0 * one, one]).tolist(),
+        "C": (-0.2 * one).tolist(), "D": np.hstack([0 * one, -0.5 * one]).tolist(),
+    }  # fmt: skip
+    assert rate_hardness(response(tables), (1, 0, 0)) == pytest.approx(commands[9] / 10e-3, rel=1e-8)

@@ -79,6 +79,7 @@ def equilibria(
         if root is None:
             continue
         root = np.mod(root, 2 * np.pi)
+        root = np.where(root < 2 * np.pi, root, 0.0)  # an angle just below zero is rounded up to 2 pi
         if not any(np.all(np.abs(np.angle(np.exp(1j * (root - e.q)))) < 1e-6) for e in found):
             _, slope, tau = balance(root)
             found.append(_classify(root, slope, tau))

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate import fem
+from palpate.contact import Mesh, Surface
 from palpate.control import Controller
-from palpate.errors import DesignError, ScenarioError
+from palpate.errors import DesignError, OutputError, ScenarioError
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import (
     build_controller,
@@ -23,15 +24,18 @@ from palpate.simulation.controllers import (
 )
 from palpate.simulation.evidence import _established, _passed, _shifts, _tool_error, leaves_reach, second_differences
 from palpate.simulation.force_objects import force_object
-from palpate.simulation.judgment import _reach, _unsupported
+from palpate.simulation.judgment import _lost, _reach, _unsupported, judge
+from palpate.simulation.loop_config import _order
 from palpate.simulation.meshes import box_mesh, bumpy_ellipsoid
 from palpate.simulation.moving_frame import seen_from_object, touching_tip, turned_to_object
 from palpate.simulation.observed_run import observe
 from palpate.simulation.placed_objects import PlacedObject, object_channels
+from palpate.simulation.proxy_law import ProxyProbe
 from palpate.simulation.statics import expected_deflection, force_over_stiffness, presses, steady_error
 from palpate.simulation.step_response import step_response
-from palpate.simulation.trace import CHANNELS, Trace, describe_channel
+from palpate.simulation.trace import CHANNELS, Trace, TraceError, complete, describe_channel
 from palpate.simulation.trace_export import column_names
+from palpate.simulation.verdict import State
 from palpate.simulation.windows import Window, constant_stretches, windows
 from scipy.spatial.transform import Rotation
 
@@ -518,3 +522,65 @@ def test_an_observed_run_is_held_pushed_by_shares_of_its_force_and_observed(tmp_
     assert len(free) == 751 + 2 + 5
     assert np.abs(operator[757] - operator[751]).max() < 0.5 * np.abs(push[0]).max()
     assert seen.kept == pytest.approx(0.0505995, rel=1e-3)
+
+
+def test_a_tip_off_its_object_in_the_last_hundredth_alone_is_off_it_now_and_then() -> None:
+    for off, since in ((100, 0.020), (99, 0.020), (98, 0.098)):
+        touching = np.ones(101)
+        touching[21:30] = touching[off + 1 :] = 0.0
+        found, reason = _lost(Trace.of(T * np.arange(101), {"touching": touching}), 0.25)
+        assert found == pytest.approx(since)
+        assert ("25 % of the time since the first contact" in reason) is (off > 98)
+
+
+def test_a_run_of_two_samples_with_a_fixed_tip_is_judged() -> None:
+    tables = {**TRACKING, "servo": {"period": "1 ms", "topology": "impedance_display"}, "operator": {"kind": "fixed"}}
+    del tables["reference"]
+    scenario = Scenario.from_dict(tables)
+
+    def judged(n: int, change: float, force: float) -> State:
+        zero = np.zeros((n, 3))
+        command = zero.copy()
+        command[-1, 1] = change
+        values = {
+            "saturated": np.zeros(n),
+            "command_force": command,
+            "object_force": zero + np.array([0.0, 0.0, force]),
+        }
+        return judge(Trace.of(T * np.arange(n), values, metadata={"scenario": scenario.to_dict()})).state
+
+    assert judged(1, 0.0, 1.0) is State.UNDECIDED
+    assert judged(2, 0.0, 1.0) is State.SETTLED
+    assert judged(100, 0.049, 1.0) is State.SETTLED
+    assert judged(100, 0.051, 1.0) is State.UNDECIDED
+    assert judged(100, 0.051, 2.0) is State.SETTLED
+
+
+def test_a_resolved_loop_has_at_most_a_thousand_states() -> None:
+    assert _order(1000, "the controller") == 1000
+    with pytest.raises(OutputError, match="the controller has 1001 states; a resolved loop has at most 1000"):
+        _order(1001, "the controller")
+
+
+def test_an_incomplete_trace_is_refused_and_other_errors_pass() -> None:
+    for problem in (KeyError("tip"), TypeError("no"), ZeroDivisionError(), ValueError("bad"), AttributeError("a")):
+        with pytest.raises(TraceError, match="the trace is not complete, so it cannot be judged"), complete():
+            raise problem
+    for own in (ScenarioError("mine"), OutputError("mine")):
+        with pytest.raises(type(own), match=r"^mine$"), complete():
+            raise own
+    with pytest.raises(OSError, match="disk"), complete():
+        raise OSError("disk")
+
+
+@pytest.mark.parametrize("triangle", [0, 1, 5])
+def test_the_law_of_a_smooth_contact_is_the_stiffness_along_the_normal_of_its_triangle(triangle: int) -> None:
+    mesh = Mesh(*box_mesh(0.08, 2))
+    probe = ProxyProbe(mesh, Surface(stiffness=np.array([800.0]), period=T).core_for(mesh), 0.0)
+    normal = probe.normals[triangle]
+    place = mesh.vertices[mesh.triangles[triangle]].mean(axis=0)
+    tilted = normal + 0.1 * np.roll(normal, 1)  # the facet's own normal counts
+    law = probe.law(triangle, tilted, place, place - 1e-3 * normal)
+    assert law is not None
+    np.testing.assert_allclose(law.D, 800.0 * np.outer(normal, normal), atol=1e-3)
+    assert probe.law(triangle, normal, place, place + 1e-3 * normal) is None

@@ -119,6 +119,10 @@ def test_the_sensor_reads_what_the_operator_exchanges_with_the_tip(device: devic
     np.testing.assert_array_equal(plant.b, b)
     np.testing.assert_array_equal(plant.angles, c)
     free = sensed_plant(device, pose, None, force, period, axes)
+    for found, one in zip(
+        (free.a, free.b, free.angles), sampled_plants(device, pose[None], None, force, period), strict=True
+    ):
+        np.testing.assert_array_equal(found, one[0])
     assert not free.force.any()
     assert not free.force_torque.any()
     assert (free.force.shape, free.force_torque.shape) == ((axes.shape[1], 2 * dof), (axes.shape[1], dof))

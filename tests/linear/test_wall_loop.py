@@ -21,12 +21,15 @@ TISSUE = HumanArm(0.3, 3.0, 150.0, 900.0, 2.0)
 RIGID = HumanArm(0.2, 5.0, 250.0)
 MASS = LinearDevice.of_mass(0.1, 0.4)
 HELD = LinearDevice.of_mass(0.1, 0.4, TISSUE)
+MIXED = control.StateSpace([[-3.0, 20.0], [-15.0, -2.0]], [[0.5], [2.0]], [[1.0, 0.7]], [[0.0]])
 FILTERED = control.StateSpace([[0.5, 0.1], [0.0, 0.3]], [[0.4], [1.0]], [[0.6, 0.2]], [[0.7]], T)
 
 
-def fine_motion(device: LinearDevice, forces: np.ndarray, delay: float, parts: int = 20) -> np.ndarray:
+def fine_motion(
+    device: LinearDevice | control.StateSpace, forces: np.ndarray, delay: float, parts: int = 20
+) -> np.ndarray:
     """Return the tip at the samples under held forces that act after a delay, in steps of T / parts."""
-    system = device.state_space
+    system = device.state_space if isinstance(device, LinearDevice) else device
     n = system.nstates
     big = np.zeros((n + 1, n + 1))
     big[:n, :n], big[:n, n:] = system.A, system.B
@@ -40,9 +43,9 @@ def fine_motion(device: LinearDevice, forces: np.ndarray, delay: float, parts: i
     return np.array(tips)
 
 
-@pytest.mark.parametrize("device", [MASS, HELD, LinearDevice.at_pose(ARM, POSE, (1, 2, -1))])
+@pytest.mark.parametrize("device", [MASS, HELD, LinearDevice.at_pose(ARM, POSE, (1, 2, -1)), MIXED])
 @pytest.mark.parametrize("delay", [0.0, 0.35, 1.0, 2.6])
-def test_the_discretization_and_its_response_are_those_of_the_motion(device: LinearDevice, delay: float) -> None:
+def test_the_discretization_and_its_response_are_those_of_the_motion(device: Any, delay: float) -> None:
     forces = np.random.default_rng(0).normal(size=12)
     tip = discretize_zoh(device, T, delay)
     assert (tip.whole, tip.fractional, tip.period) == (int(delay), delay % 1 > 0, T)

@@ -58,7 +58,8 @@ def test_the_stiffness_of_a_body_is_that_of_its_states_turned_into_the_device_fr
         np.testing.assert_allclose(got, frame @ own @ frame.T, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(found.directions(), frame[None, :, 0])
     np.testing.assert_allclose(found.stiffness, 123.0 * np.outer(frame[:, 0], frame[:, 0]))
-    assert (found.period, found.delay) == (2e-3, 2)
+    assert (found.period, found.delay, found.coupling, found.gravity_compensation) == (2e-3, 2, "none", False)
+    np.testing.assert_array_equal(found.damping, np.zeros((3, 3)))
     np.testing.assert_array_equal(found.pose, angle[6])
     run.lasts = False
     with pytest.raises(StabilityError, match=r"the performance is that of a contact that lasts\. It bounced\."):

@@ -234,7 +234,7 @@ def test_the_error_by_the_mesh_is_that_of_a_resolved_sphere(
 
 
 def test_the_work_and_the_path_of_a_contact_are_summed_sample_by_sample() -> None:
-    for touching in (contact((0, 17), (60, 75)), contact()):
+    for touching in (contact((0, 17), (60, 75)), contact(), contact((0, 40), (60, 250))):
         trace = random_trace(touching, BODY, 3e-5, **MOVING)
         path, stiffness = plain_path(trace)
         found = stiffness_along_path(trace)

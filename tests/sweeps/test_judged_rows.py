@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -259,3 +260,21 @@ def test_the_radius_of_a_cell_is_that_of_its_own_loop() -> None:
     radii = linear_radii(simulation, {"stiffness": stiffness}, 4)
     assert [linear_sign(radius) for radius in radii] == [1, 1, -1, -1]
     assert isinstance(simulation.scenario, Scenario)
+
+
+@pytest.mark.parametrize("name", ["reference", "operator"])
+def test_a_wall_is_pressed_by_the_forces_of_the_last_sample(name: str, judged: dict[str, Any]) -> None:
+    """Those of reference and operator together, against its outward normal."""
+    wall = {"kind": "wall", "stiffness": "1 N/mm", "normal": [0.0, 0.0, 1.0]}
+    simulation = build_simulation({**ARM, "object": wall})
+    forces = np.zeros_like(simulation.reference)
+    pushed = forces.copy()
+    pushed[-1, 2] = -1.0
+    for last, pressed in ((pushed, True), (-pushed, False), (np.roll(pushed, 2, axis=0), False)):
+        given = {"reference": forces, "operator": forces, name: last}
+        judge_rows(replace(simulation, **given), np.zeros((N, 30)), {}, np.full(N, np.nan))
+        assert judged["evidence"].pressed.all() == pressed
+    moved = np.roll(pushed, 1, axis=0) + np.roll(pushed, -1, axis=0)
+    judge_rows(replace(simulation, **{"reference": forces, "operator": forces, name: moved}), np.zeros((N, 30)), {},
+               np.full(N, np.nan))  # fmt: skip
+    assert not judged["evidence"].pressed.any()

@@ -23,6 +23,7 @@ from palpate.simulation.linear_evidence import linear_radii_of
 from palpate.simulation.linear_loop import OwnDamping, scenario_loop
 from palpate.simulation.meshes import box_mesh
 from palpate.simulation.proxy_law import ProxyProbe
+from palpate.simulation.trace import Trace
 from stored_results import assert_same, plain
 
 PERIOD = 1e-3
@@ -123,7 +124,7 @@ def law_numbers() -> dict[str, Any]:
             for label, tip in (("deep", place - [0.0, 0.0, 1e-3]), ("aside", place - [2e-4, 1e-4, 1e-3])):
                 law = probe.law(top, np.array([0.0, 0.0, 1.0]), place, tip)
                 key = f"{name} {radius} {label}"
-                found[key] = None if law is None else [m for m in (law.A, law.C @ law.B, law.D)]
+                found[key] = None if law is None else [law.A, law.C @ law.B, law.D]
     return found
 
 
@@ -466,12 +467,71 @@ def rests() -> dict[str, Any]:
     return found
 
 
+def guarded() -> dict[str, Any]:
+    """Return what the linear loop says of runs with a guard, of walls and dampers that no guard or one stabilizes."""
+    found: dict[str, Any] = {}
+    flat = {"kind": "wall", "normal": [0.0, 0.0, 1.0]}
+    touched = {
+        "stiff": {**flat, "stiffness": "60000 N/m"},
+        "damper": {**flat, "stiffness": "800 N/m", "damping": "900 N*s/m"},
+        "bilinear damper": {**flat, "stiffness": "800 N/m", "damping": "700 N*s/m", "coupling": "bilinear"},
+        "spring": {"kind": "spring", "stiffness": "800 N/m", "damping": "900 N*s/m"},
+        "along": {**flat, "normal": [1.0, 0.0, 0.0], "stiffness": "800 N/m"},
+    }
+    bending = {"name": DEVICE}
+    for name, one in touched.items():
+        for kind in ("passivity_controller", "energy_bound"):
+            given = tables(operator=PUSH, object=one, guard={"kind": kind}, device=bending)
+            scenario = Scenario.from_dict(given)
+            for touching in (1.0, 0.0):
+                run = Trace.of([0.0, 1.0], {"touching": [0.0, touching]}, metadata={"scenario": given})
+                radii, reason = linear_radii_of(run, scenario)
+                found[f"{name} {kind} {touching}"] = [None if radii is None else [radii.start, radii.rest], reason]
+    return found
+
+
+def formulas() -> dict[str, Any]:
+    """Return the linear loops of runs on force laws, in fields and of a display, where they have one."""
+    press = {"rest": ["0 mm", "0 mm", "0 mm"], "shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", "-0.6 N"]}
+    hand = {**HAND, **press}
+    law = {
+        "kind": "force_law",
+        "normal": [0.0, 0.0, 1.0],
+        "law": {"formula": "500 * x + 1e5 * x^2", "deepest": "10 mm"},
+    }
+
+    def field(kind: str, **keys: Any) -> dict[str, Any]:
+        return {"kind": "field", "field": {"kind": kind, **keys}}
+
+    display, well = DISPLAYS["hand on a wall"], {"stiffness": "300 N/m", "radius": "20 mm"}
+    cases = {
+        "law": tables(operator=hand, object=law),
+        "law off": tables(operator=hand, object={**law, "position": ["0 mm", "0 mm", "-50 mm"]}),
+        "well": tables(operator=hand, object=field("gravity_well", **well, largest_force="4 N")),
+        "left well": tables(operator=hand, object=field("gravity_well", **well, largest_force="0.1 N")),
+        "viscous": tables(operator=hand, object=field("viscous", damping="3 N*s/m")),
+        "constant": tables(operator=hand, object=field("constant", force=["0.1 N", "0 N", "0.2 N"])),
+        "display": {**display, "operator": hand, "object": {**WALL, "normal": [0.0, 0.0, 1.0]}},
+        "bilinear display": {**display, "object": {**WALL, "coupling": "bilinear"}},
+        "none": tables(operator=hand, object={"kind": "none"}),
+        "wall off": tables(operator=hand, object={**WALL, "position": ["0 mm", "0 mm", "-50 mm"]}),
+    }
+    found: dict[str, Any] = {}
+    for name, given in cases.items():
+        trace = palpate.simulate({**given, "run": {"duration": "1.2 s"}})
+        radii, reason = linear_radii_of(trace, Scenario.from_dict(trace.metadata["scenario"]))
+        found[name] = [None if radii is None else [radii.start, radii.rest], reason]
+    return found
+
+
 MEASURES: dict[str, Any] = {
     **{f"loop of {name}": lambda name=name: loop_numbers(name) for name in LOOPS},
     "laws of a proxy": law_numbers,
     "realizations": realized,
     "displays": display_numbers,
     "loops of runs": rests,
+    "loops with a guard": guarded,
+    "loops by a formula": formulas,
 }
 nan, inf = np.nan, np.inf
 # fmt: off
@@ -625,6 +685,34 @@ STORED: dict[str, Any] = {
     ""], "smooth mesh contact": [0.992706787, ""], "guarded": [None,
     "a guard makes the loop nonlinear, and the linear loop is that without it"], "late": [None,
     "late ticks destabilize a loop, and the linear loop is that without them"]},
+    "loops with a guard": {"stiff passivity_controller 1.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"], "stiff passivity_controller 0.0":
+    [None, "a guard makes the loop nonlinear, and the linear loop is that without it"], "stiff energy_bound 1.0":
+    [None, "a guard makes the loop nonlinear, and the linear loop is that without it"], "stiff energy_bound 0.0":
+    [None, "a guard makes the loop nonlinear, and the linear loop is that without it"],
+    "damper passivity_controller 1.0": [[13.3330844, None], ""], "damper passivity_controller 0.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"], "damper energy_bound 1.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"], "damper energy_bound 0.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"],
+    "bilinear damper passivity_controller 1.0": [[23.0962847, None], ""], "bilinear damper passivity_controller 0.0":
+    [None, "a guard makes the loop nonlinear, and the linear loop is that without it"],
+    "bilinear damper energy_bound 1.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"], "bilinear damper energy_bound 0.0":
+    [None, "a guard makes the loop nonlinear, and the linear loop is that without it"],
+    "spring passivity_controller 1.0": [[14.7856388, None], ""], "spring passivity_controller 0.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"], "spring energy_bound 1.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"], "spring energy_bound 0.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"], "along passivity_controller 1.0":
+    [None, "a guard makes the loop nonlinear, and the linear loop is that without it"],
+    "along passivity_controller 0.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"], "along energy_bound 1.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"], "along energy_bound 0.0": [None,
+    "a guard makes the loop nonlinear, and the linear loop is that without it"]},
+    "loops by a formula": {"law": [[0.992709464, None], ""], "law off": [None, "the tip is off the force law"], "well":
+    [[0.9927468, 0.992818629], ""], "left well": [None,
+    "the tip leaves the distance within which the force of the gravity well is linear"], "viscous": [[0.988639695,
+    0.988934436], ""], "constant": [None, ""], "display": [[0.990041025, 0.990041029], ""], "bilinear display": [None,
+    "the tip never touches the object"], "none": [None, ""], "wall off": [None, "the tip never touches the object"]},
 }
 # fmt: on
 

@@ -22,15 +22,24 @@ from palpate.simulation.controllers import (
     with_controller,
     written_out,
 )
-from palpate.simulation.evidence import _established, _passed, _shifts, _tool_error, leaves_reach, second_differences
+from palpate.simulation.evidence import (
+    _creep,
+    _established,
+    _passed,
+    _shifts,
+    _tool_error,
+    leaves_reach,
+    second_differences,
+)
 from palpate.simulation.force_objects import force_object
-from palpate.simulation.judgment import _lost, _reach, _unsupported, judge
+from palpate.simulation.judgment import _lost, _reach, _unsupported, _without_force, judge
 from palpate.simulation.loop_config import _order
 from palpate.simulation.meshes import box_mesh, bumpy_ellipsoid
 from palpate.simulation.moving_frame import seen_from_object, touching_tip, turned_to_object
 from palpate.simulation.observed_run import observe
 from palpate.simulation.placed_objects import PlacedObject, object_channels
 from palpate.simulation.proxy_law import ProxyProbe
+from palpate.simulation.simulator import _plain
 from palpate.simulation.statics import expected_deflection, force_over_stiffness, presses, steady_error
 from palpate.simulation.step_response import step_response
 from palpate.simulation.trace import CHANNELS, Trace, TraceError, complete, describe_channel
@@ -210,6 +219,13 @@ def test_supports_that_change_late_are_the_reason_only_where_the_forces_are_cons
         assert (found is not None) is said
         if found:
             assert found.startswith("the supports of the body change at 0.098 s, too late to judge what follows")
+    hand = np.zeros((n, 3))
+    scenario.operator = SimpleNamespace(moves=True, values=lambda _time: hand)
+    steady = Trace.of(T * np.arange(n), {"reference_force": constant})
+    assert _unsupported(steady, scenario) is not None
+    hand[:, 2] = np.arange(n)
+    assert _unsupported(steady, scenario) is None
+    hand[:] = 0.0
     assert _unsupported(run, None) is None
     body.supports = []
     assert _unsupported(Trace.of(T * np.arange(n), {"reference_force": constant}), scenario) is None
@@ -584,3 +600,76 @@ def test_the_law_of_a_smooth_contact_is_the_stiffness_along_the_normal_of_its_tr
     assert law is not None
     np.testing.assert_allclose(law.D, 800.0 * np.outer(normal, normal), atol=1e-3)
     assert probe.law(triangle, normal, place, place + 1e-3 * normal) is None
+
+
+def test_an_object_without_force_has_no_creep_left() -> None:
+    body = SimpleNamespace(options={"instantaneous_ratio": 3.0, "retardation_time": 1.0})
+    scenario: Any = SimpleNamespace(
+        each_object={"": SimpleNamespace(object=SimpleNamespace(body=body))},
+        operator=SimpleNamespace(kind="force", stiffness=None),
+        servo=SimpleNamespace(topology="impedance_display"),
+    )
+    run = Trace.of(T * np.arange(101), {"object_force": np.zeros((101, 3))})
+    deflection = np.full((101, 3), 1e-3)
+    for touching in (np.ones(101, dtype=bool), np.arange(101) < 100):
+        assert _creep(run, scenario, Window(0, 100), deflection, touching) == 0.0
+    loaded = Trace.of(T * np.arange(101), {"object_force": np.ones((101, 3))})
+    began = np.arange(101) >= 100  # in the last sample
+    found = _creep(loaded, scenario, Window(0, 100), deflection, began)
+    assert found == pytest.approx(2.0 * np.sqrt(3.0) * 1e-3)
+    assert _creep(loaded, scenario, Window(0, 100), deflection, np.zeros(101, dtype=bool)) == 0.0
+
+
+def test_a_run_recorded_seldom_is_not_settled_without_the_verdict_of_every_tick() -> None:
+    cube = {"shape": "box", "edge": "80 mm", "divisions": 2}
+    surface = {"stiffness": "800 N/m"}
+    touched = {"kind": "mesh", "mesh": cube, "surface": surface, "position": ["0 mm", "0 mm", "-1 mm"]}
+    tables = {**TRACKING, "object": touched}
+    n = 200
+    settled = {
+        "angle": np.tile(POSE, (n, 1)), "tip": np.tile([0.1, 0.2, 0.3], (n, 1)), "saturated": np.zeros(n),
+        "touching": np.ones(n), "deflection": np.tile([0.0, 0.0, -1e-3], (n, 1)),
+        "object_force": np.tile([0.0, 0.0, -1.0], (n, 1)), "command_force": np.tile([0.0, 0.0, -1.0], (n, 1)),
+        "motor_force": np.zeros((n, 3)), "reference_force": np.tile([0.0, 0.0, -1.0], (n, 1)),
+        "operator_force": np.zeros((n, 3)), "torque": np.zeros((n, 3)),
+    }  # fmt: skip
+    for every in (1, 2, 3):
+        given = Scenario.from_dict({**tables, "run": {"duration": "1 s", "record_every": every}}).to_dict()
+        verdict = judge(Trace.of(T * every * np.arange(n), settled, metadata={"scenario": given}), np.nan)
+        assert verdict.state is (State.SETTLED if every == 1 else State.UNDECIDED)
+        assert (f"one of {every} ticks is recorded" in verdict.reason) is (every > 1)
+
+
+def test_a_load_presses_if_it_is_above_a_twentieth_of_the_largest_up_to_then() -> None:
+    scenario: Any = SimpleNamespace(contact_kind="wall", object=SimpleNamespace(normal=[0.0, 0.0, 1.0]))
+    for before, after, expected in ((19.9, 1.0, True), (20.1, 1.0, False), (19.9, 99.0, True)):
+        load = np.zeros((10, 3))
+        load[:, 2] = [-before, *([-1.0] * 6), -after, -after, -after]
+        run = Trace.of(T * np.arange(10), {"reference_force": load, "operator_force": 0.0 * load, "object_force": load})
+        assert _pressed(run, scenario, np.ones(10, dtype=bool), 6) is expected
+
+
+def test_metadata_are_plain_values() -> None:
+    given = {
+        1: np.array([[1.5, 2.0]]), "a": (np.float64(2.5), np.int64(3), np.bool_(True)), "b": None, "c": float("inf"),
+        "d": 1 + 2j, "e": "text", "f": [True, 4, np.nan],
+    }  # fmt: skip
+    assert _plain(given) == {
+        "1": [[1.5, 2.0]], "a": [2.5, 3, True], "b": None, "c": "inf", "d": "(1+2j)", "e": "text", "f": [True, 4, "nan"],
+    }  # fmt: skip
+
+
+def test_a_force_that_was_not_found_in_more_than_a_hundredth_of_the_samples_is_unknown() -> None:
+    last = slice(-100, None)
+    for missing, rows, said in ((2, slice(None), None), (3, slice(None), "3 of 200"), (3, last, "3 of the last 100")):
+        solved = np.ones(200)
+        solved[-missing:] = 0.0
+        found = _without_force(Trace.of(T * np.arange(200), {"solved": solved}), rows)
+        assert (found is None) is (said is None)
+        assert said is None or f"the contact force was not found in {said} samples" in str(found)
+    solved = np.ones(200)
+    solved[-1] = 0.0
+    run = Trace.of(T * np.arange(200), {"solved": solved})
+    assert _without_force(run, slice(-100, None)) is None
+    assert _without_force(run, slice(-99, None)) is not None
+    assert _without_force(Trace.of([0.0], {"tip": np.zeros((1, 3))})) is None

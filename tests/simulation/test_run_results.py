@@ -25,6 +25,7 @@ from palpate.simulation.body_response import HeldTip, body_response
 from palpate.simulation.evidence import evidence
 from palpate.simulation.friction_hold import friction_hold
 from palpate.simulation.linear_contact import contact_radius
+from palpate.simulation.loop import Loop
 from palpate.simulation.loop_config import _Blobs, _document
 from palpate.simulation.windows import Window
 from stored_results import assert_same, plain
@@ -652,3 +653,25 @@ def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_number_of_a_run_is_as_recorded(name: str, block: Path) -> None:
     relative = 1e-4 if name.startswith("body") else 1e-6  # compliances have single precision
     assert_same(plain(MEASURES[name](block)), STORED[name], name, relative=relative)
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_the_trace_of_the_first_rows_is_the_begin_of_the_trace(name: str) -> None:
+    simulation = build_simulation(RUNS[name])
+    rows, tick = simulation.run()
+    whole = simulation.trace(rows, tick)
+    for count in (0, 1, 2, 3, 7):
+        part = simulation.trace(rows[:count], -1)
+        np.testing.assert_array_equal(part.time, whole.time[:count])
+        assert list(part.channels) == list(whole.channels)
+        for channel, one in part.channels.items():
+            np.testing.assert_allclose(one.values, whole[channel][:count], rtol=1e-12, atol=1e-15)
+    loop = Loop(RUNS[name])
+    for row in range(5):
+        sample = loop.step()
+        if row % simulation.scenario.run.record_every == 0:
+            at = row // simulation.scenario.run.record_every
+            np.testing.assert_array_equal(sample.tip, whole["tip"][at])
+            np.testing.assert_array_equal(sample.object_force, whole["object_force"][at])
+            np.testing.assert_array_equal(sample.torque, whole["torque"][at])
+            assert sample.time == pytest.approx(whole.time[at], abs=1e-12)

@@ -746,3 +746,19 @@ def test_every_object_is_read_first_within_the_limit_of_a_file(tmp_path: Path) -
         open_foreign(path, OutputError, "thing")
     with pytest.raises(OutputError, match="no checksum at its end"):
         open_sealed(path, OutputError, "thing")
+
+
+def test_every_attribute_that_a_reader_takes_is_read_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the file, and those of each data set of the file and of its groups."""
+    asked: list[tuple[str, str]] = []
+    monkeypatch.setattr(Hdf5Reader, "text_attribute", lambda _reader, key, of="/": asked.append((key, of)))
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["x"] = 1.0
+        file["group/y"] = 2.0
+        file["group/deep/z"] = 2.0
+    assert read_everything(path) == ""
+    keys = ("format", "version", "record", "sweep", "metadata", "period", "unstable_from")
+    own = ("unit", "units", "description")
+    places = ("/group", "/x", "/group/deep", "/group/y")
+    assert asked == [*((key, "/") for key in keys), *((key, place) for place in places for key in own)]

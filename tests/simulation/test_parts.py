@@ -26,6 +26,7 @@ from palpate.simulation.evidence import (
     _creep,
     _established,
     _passed,
+    _pressed,
     _shifts,
     _tool_error,
     leaves_reach,
@@ -647,6 +648,16 @@ def test_a_load_presses_if_it_is_above_a_twentieth_of_the_largest_up_to_then() -
         load[:, 2] = [-before, *([-1.0] * 6), -after, -after, -after]
         run = Trace.of(T * np.arange(10), {"reference_force": load, "operator_force": 0.0 * load, "object_force": load})
         assert _pressed(run, scenario, np.ones(10, dtype=bool), 6) is expected
+    scenario = SimpleNamespace(contact_kind="mesh", object=SimpleNamespace(normal=None))
+    load[:, 2] = -1.0
+    run = Trace.of(T * np.arange(10), {"reference_force": load, "operator_force": 0.0 * load, "object_force": -load})
+    for row, expected in (
+        (4, False),
+        (5, False),
+        (6, False),
+        (7, True),
+    ):  # off the object until then, any load may press
+        assert _pressed(run, scenario, np.arange(10) == row, 6) is expected
 
 
 def test_metadata_are_plain_values() -> None:
@@ -655,7 +666,8 @@ def test_metadata_are_plain_values() -> None:
         "d": 1 + 2j, "e": "text", "f": [True, 4, np.nan],
     }  # fmt: skip
     assert _plain(given) == {
-        "1": [[1.5, 2.0]], "a": [2.5, 3, True], "b": None, "c": "inf", "d": "(1+2j)", "e": "text", "f": [True, 4, "nan"],
+        "1": [[1.5, 2.0]], "a": [2.5, 3, True], "b": None, "c": "inf", "d": "(1+2j)", "e": "text",
+        "f": [True, 4, "nan"],
     }  # fmt: skip
 
 

@@ -666,6 +666,8 @@ def test_the_trace_of_the_first_rows_is_the_begin_of_the_trace(name: str) -> Non
         assert list(part.channels) == list(whole.channels)
         for channel, one in part.channels.items():
             np.testing.assert_allclose(one.values, whole[channel][:count], rtol=1e-12, atol=1e-15)
+    ends = [simulation.trace(rows[:2], tick).unstable_from for tick in (-1, 0, 1, 5)]
+    assert ends == [None, *(tick * simulation.scenario.period for tick in (0, 1, 5))]
     loop = Loop(RUNS[name])
     for row in range(5):
         sample = loop.step()

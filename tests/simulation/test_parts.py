@@ -29,10 +29,12 @@ from palpate.simulation.evidence import (
     _pressed,
     _shifts,
     _tool_error,
+    is_one_sided,
     leaves_reach,
     second_differences,
 )
 from palpate.simulation.force_objects import force_object
+from palpate.simulation.joint_run import _contact
 from palpate.simulation.judgment import _lost, _reach, _unsupported, _without_force, judge
 from palpate.simulation.loop_config import _order
 from palpate.simulation.meshes import box_mesh, bumpy_ellipsoid
@@ -685,3 +687,56 @@ def test_a_force_that_was_not_found_in_more_than_a_hundredth_of_the_samples_is_u
     assert _without_force(run, slice(-100, None)) is None
     assert _without_force(run, slice(-99, None)) is not None
     assert _without_force(Trace.of([0.0], {"tip": np.zeros((1, 3))})) is None
+
+
+def test_a_scene_is_one_sided_only_if_each_of_its_objects_is() -> None:
+    def scene(*kinds: str) -> Any:
+        each = {str(i): SimpleNamespace(object=SimpleNamespace(kind=kind)) for i, kind in enumerate(kinds)}
+        return SimpleNamespace(each_object=each)
+
+    assert is_one_sided(scene("wall", "mesh", "body", "force_law", "textured_wall"))
+    assert not is_one_sided(scene("wall", "spring"))
+    assert not is_one_sided(scene("field"))
+
+
+def test_a_contact_at_an_edge_has_no_one_law() -> None:
+    """A point just beside the edge of a cube passes it within the larger step of the differences."""
+    mesh = Mesh(*box_mesh(0.08, 1))
+    probe = ProxyProbe(mesh, Surface(stiffness=np.array([800.0]), period=T).core_for(mesh), 0.0)
+    top = int(np.argmax(probe.normals[:, 2]))
+    normal = np.array([0.0, 0.0, 1.0])
+    for beside, smooth in ((1e-3, True), (2e-7, False)):
+        place = np.array([0.04 - beside, 0.001, 0.0])
+        law = probe.law(top, normal, place, place - [0.0, 0.0, 1e-3])
+        assert (law is not None) is smooth
+
+
+def test_the_controller_of_an_admittance_display_is_no_law_from_force_to_force() -> None:
+    tables = {
+        **TRACKING,
+        "servo": {"period": "1 ms", "topology": "admittance_display", "tool": {"mass": "1 kg", "damping": "1 N*s/m"}},
+        "controller": {"kind": "workspace"},
+        "operator": {"kind": "force", "shape": "step", "force": ["1 N", "0 N", "0 N"]},
+    }
+    del tables["reference"]
+    scenario = Scenario.from_dict(tables)
+    with pytest.raises(DesignError, match="follows a tool, so it is no linear law from force to force"):
+        build_controller(scenario, scenario.load_device(), np.array(POSE))
+
+
+def test_a_shared_contact_has_the_stiffness_of_its_force_over_its_depth() -> None:
+    turn = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
+    row = np.zeros(15)
+    row[0:3], row[3:6], row[8], row[10:13] = [0.1, 0.0, 2.0], [0.0, 0.0, -1e-3], 4.0, [0.1, 0.0, 0.0]
+    found = _contact(turn, row)
+    np.testing.assert_allclose(found.force, -turn @ row[0:3])
+    np.testing.assert_allclose(found.deflection, turn @ row[3:6])
+    np.testing.assert_allclose(found.normal, turn @ [0.0, 0.0, 1.0], atol=1e-12)
+    assert (found.depth, found.stiffness, found.touching) == (pytest.approx(1e-3), pytest.approx(2000.0), True)
+    for depth, stiffness in ((49e-6, 0.0), (51e-6, 2.0 / 51e-6)):
+        row[5] = -depth
+        assert _contact(turn, row).stiffness == pytest.approx(stiffness)
+    row[8] = 0.0
+    assert _contact(turn, row).touching is False
+    row[8], row[10:13] = 4.0, row[0:3]
+    assert _contact(turn, row).touching is False

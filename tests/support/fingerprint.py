@@ -22,5 +22,5 @@ def fingerprint(values: Any, smallest: float = 1e-6) -> float:
     for part in parts:
         flat = part.ravel() / (smallest * largest)
         weight = 1.0 + 0.5 * np.cos(1.0 + 1.3 * np.arange(len(flat)))
-        total += float(np.sum(weight * np.sign(flat) * np.log1p(np.abs(flat)))) / np.sqrt(len(flat))
+        total += float(np.sum(weight * np.sign(flat) * np.log1p(np.abs(flat))) / np.sqrt(len(flat)))
     return total + float(np.log(largest))

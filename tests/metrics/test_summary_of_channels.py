@@ -142,6 +142,11 @@ def test_the_energies_are_those_of_the_window_in_which_the_force_is_constant(mon
     [
         ({"reference": REFERENCE}, (0.01, 0.05), "settled to 5 % in 150 ms, steady error 1e-06 %"),
         ({"reference": REFERENCE}, (0.0102, 0.05), "settled to 5 % in 150 ms, steady error 2 %"),
+        (
+            {"reference": REFERENCE, "run": {"record_every": 2}},
+            (0.01, 0.05),
+            "settled to 5 % in 150 ms (recorded every 2 ms), steady error ",
+        ),
         ({"reference": REFERENCE}, (0.01, 0.38), "settled to 5 % in 1.1 s, steady error "),
         ({"reference": RAMP}, (0.01, 0.05, 0.05), "settled to 5 % in 50 ms after the end of the ramp, steady error "),
         ({"reference": RAMP}, (0.01, 0.02, 0.05), "settled to 5 % by the end of the ramp, steady error "),
@@ -394,43 +399,47 @@ def test_poses_near_a_limit_and_a_wall_that_cannot_be_felt_are_warned_of(monkeyp
     assert not math.isnan(summarize(trace)["duration_s"])
 
 
+HOT = "the motors hold it, and the hot drive limits them soon"
+FREE = "without drive limits: the motors "
+
+
 @pytest.mark.parametrize(
     ("limited", "state", "early", "last", "says"),
     [
-        (True, State.UNDECIDED, 1.0, 1.39, []),
-        (True, State.UNDECIDED, 9.0, 1.41, ["the motors hold 1.41 N, of which the drive gives 1.4 N for long"]),
-        (True, State.SETTLED, 1.0, 1.41, []),
+        (True, State.UNDECIDED, 1.0, 1.0, [HOT]),
+        (True, State.SETTLED, 9.0, 9.0, [HOT]),
         (True, State.DRIVE_LIMIT, 1.0, 1.41, []),
         (True, State.UNSTABLE, 1.0, 1.41, []),
         (False, State.UNSTABLE, 1.0, 1.41, []),
-        (False, State.SETTLED, 1.0, 1.41,
-         ["without drive limits: the motors hold 1.41 N, of which the drive gives 1.4 N for long"]),
+        (False, State.SETTLED, 1.0, 1.39, []),
+        (False, State.SETTLED, 1.0, 1.41, [f"{FREE}hold 1.41 N, of which the drive gives 1.4 N for long"]),
+        (False, State.UNDECIDED, 8.5, 1.41, [f"{FREE}hold 1.41 N, of which the drive gives 1.4 N for long"]),
         (False, State.SETTLED, 8.5, 1.0, []),
-        (False, State.SETTLED, 8.6, 1.41,
-         ["without drive limits: the motors deliver 8.6 N, of which the drive gives 8.5 N"]),
-        (False, State.UNSTABLE, 8.6, 1.0,
-         ["without drive limits: the motors deliver 8.6 N, of which the drive gives 8.5 N"]),
+        (False, State.SETTLED, 8.6, 1.41, [f"{FREE}deliver 8.6 N, of which the drive gives 8.5 N"]),
+        (False, State.UNSTABLE, 8.6, 1.0, [f"{FREE}deliver 8.6 N, of which the drive gives 8.5 N"]),
     ],
-)  # fmt: skip
+)
 def test_motors_that_deliver_or_hold_more_than_the_drive_gives_are_told(
     limited: bool, state: State, early: float, last: float, says: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The peak of the run and the mean of its last twentieth; the latter is told by some verdicts already."""
+    """With limits how long they can hold it; without, the peak of the run and the mean of its last twentieth."""
     force = np.full(N, 1.0)
     force[10], force[-N // 20 :] = early, last
     force[-N // 20 - 1] = 0.0
     monkeypatch.setattr(summary, "motor_load", lambda _trace, _scenario: force)
+    monkeypatch.setattr(summary, "drive_hold", lambda _trace, _scenario: HOT)
     tables = {**ARM, "reference": REFERENCE, "device": {**ARM["device"], "saturation": limited}}
     scenario = Scenario.from_dict(tables)
     assert _drive(made(tables, state=state), scenario) == says
     full = made(tables, state=state, saturated=(np.arange(N) % 8 == 0).astype(float))
     share = "the drive is at its limit 12.5 % of the time"
-    assert _drive(full, scenario) == ([share, *says] if limited or not says or "hold" in says[0] else says)
     assert _drive(full, None) == [share]
+    if limited:
+        assert _drive(full, scenario) == [share, *says]
     assert _drive(made(tables, state=state, motor_force=None), scenario) == []
     assert _drive(made(tables, state=state, saturated=None), scenario) == says
     alone = made(tables, state=state).thinned(N, {"scenario": tables, "verdict": Verdict(state, "it is so").to_dict()})
     monkeypatch.setattr(summary, "motor_load", lambda _trace, _scenario: np.array([2.0]))
-    held = f"{'' if limited else 'without drive limits: '}the motors hold 2 N, of which the drive gives 1.4 N for long"
-    told = state is State.UNDECIDED or (state is State.SETTLED and not limited)
-    assert _drive(alone, scenario) == ([held] if told else [])
+    monkeypatch.setattr(summary, "drive_hold", lambda _trace, _scenario: None)
+    held = [f"{FREE}hold 2 N, of which the drive gives 1.4 N for long"]
+    assert _drive(alone, scenario) == ([] if limited or state is State.UNSTABLE else held)

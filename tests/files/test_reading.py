@@ -164,6 +164,8 @@ def test_json_text_has_a_longest_length(monkeypatch: pytest.MonkeyPatch) -> None
         ("a = [[\n1],", 1),
         ("a = [ # ]", 1),
         ('a = ["b", [', 2),
+        ('a = [[""""""', 2),
+        ("a = [''''''', [", 2),
         ("a = ['b', [", 2),
         ('a = ["]", {b = "]', 2),
         ("a = {b = 1, c = [1]}", 0),
@@ -187,6 +189,7 @@ def test_a_line_of_text_between_triple_quotes_is_no_key() -> None:
         assert (find_line(text, ("a",)), find_line(text, ("d", "c")), find_line(text, ("e",))) == (1, 6, 7)
         assert (find_line(text, ("e", "f", "g")), find_line(text, ("e", 1, "h i", "j"))) == (9, 10)
         assert find_line(text, ("d", "x", "y")) == 5  # the table around a missing key
+        assert find_line(text, ("d", "c", "y")) == 6
         assert find_line(text, ("x", "d")) is None
         assert find_line(text, ()) is None
 

@@ -16,7 +16,7 @@ from palpate.errors import RecordingError
 from palpate.identification.arx_models import arx
 from palpate.identification.recording import Recording
 from palpate.identification.samples import check_samples, uniform_period
-from palpate.identification.weak_form import TestFunctions
+from palpate.identification.weak_form import TestFunctions, slowest_speed
 
 ARM, SLIDER = devices.load("phantom-premium-1.5a"), devices.load("slider")
 GRID = np.arange(100.0)
@@ -204,3 +204,12 @@ def test_a_column_is_known_by_its_name_and_scaled_by_its_unit(
     np.testing.assert_allclose(found.torque[:, 0], size * (np.arange(60) % 5), rtol=1e-12)
     assert found.excitation is None
     assert (found.period, found.metadata) == (0.01, {"file": "r.csv"})
+
+
+def test_an_angle_without_noise_has_the_floor_as_its_slowest_speed() -> None:
+    """The floor keeps the direction of motion finite; noise on the angle raises it twentyfold its speed error."""
+    still = slowest_speed(record(angle=np.zeros(200)), TestFunctions(smoothing=0.011))
+    np.testing.assert_allclose(still, [1e-12], rtol=1e-12)
+    draw = record().angle
+    ratio = slowest_speed(record(angle=2.0 * draw), TestFunctions()) / slowest_speed(record(), TestFunctions())
+    np.testing.assert_allclose(ratio, [2.0], rtol=1e-9)

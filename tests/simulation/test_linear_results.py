@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -721,3 +722,33 @@ STORED: dict[str, Any] = {
 def test_every_number_of_a_linear_law_is_as_recorded(name: str) -> None:
     absolute = 1e-6 if name in ("laws of a proxy", "realizations") else 1e-13
     assert_same(plain(MEASURES[name]()), STORED[name], name, absolute)
+
+
+@pytest.mark.parametrize("normalizes", [False, True])
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_the_loop_of_a_rest_on_a_mesh_depends_on_the_last_sample_alone(normalizes: bool, friction: float) -> None:
+    """All samples before are those of another place; only the pose of the start counts besides."""
+    press = {"rest": ["0 mm", "0 mm", "0 mm"], "shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", "-0.3 N"]}
+    cube = {
+        "kind": "mesh", "position": ["0.5 mm", "0.3 mm", "-0.1 mm"],
+        "mesh": {"shape": "box", "edge": "80 mm", "divisions": 2},
+        "surface": {"stiffness": "800 N/m", "static_friction": friction, "damping": "0.5 N*s/m"},
+    }  # fmt: skip
+    given = tables(
+        "force_tracking",
+        object=cube,
+        operator={**HAND, **press},
+        reference={"force": ["0 N", "0 N", "-0.3 N"]},
+        controller={"kind": "lqg", "stiffness": "600 N/m", "normalize": normalizes},
+        run={"duration": "0.5 s"},
+    )
+    trace = palpate.simulate(given)
+    scenario = Scenario.from_dict(given)
+    radius, reason = contact_radius(trace, scenario)
+    assert (reason == "nothing holds the tip along the surface of the mesh") is (friction == 0.0)
+    channels = {name: replace(one, values=one.values.copy()) for name, one in trace.channels.items()}
+    for one in channels.values():
+        one.values[1:-1] = 3.0 * one.values[1:-1] + 0.1
+    assert contact_radius(replace(trace, channels=channels), scenario) == (radius, reason)
+    if friction:
+        assert radius == pytest.approx(0.995839262 if normalizes else 0.99528748, rel=1e-6)

@@ -740,3 +740,16 @@ def test_a_shared_contact_has_the_stiffness_of_its_force_over_its_depth() -> Non
     assert _contact(turn, row).touching is False
     row[8], row[10:13] = 4.0, row[0:3]
     assert _contact(turn, row).touching is False
+
+
+@pytest.mark.parametrize(("crossings", "oscillates"), [(3, False), (4, True), (6, True)])
+def test_a_response_oscillates_if_each_quarter_crosses_its_mean_four_times(crossings: int, oscillates: bool) -> None:
+    """Blocks of +1 and -1 of equal length; the last quarter is one and a half times as large as the one before."""
+    block = np.repeat(np.where(np.arange(crossings + 1) % 2, -1.0, 1.0), 9)
+    y = np.concatenate([np.zeros(2 * len(block)), block, 1.5 * block])
+    growth = step_response(np.arange(float(len(y))), y).swing_growth
+    assert growth == (pytest.approx(1.5) if oscillates else None)
+    few = np.concatenate([np.zeros(14), *([np.resize([1.0, -1.0], 7)] * 2)])
+    assert step_response(np.arange(28.0), few).swing_growth is None
+    enough = np.concatenate([np.zeros(16), *([np.resize([1.0, -1.0], 8)] * 2)])
+    assert step_response(np.arange(32.0), enough).swing_growth == 1.0

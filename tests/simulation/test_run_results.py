@@ -676,4 +676,8 @@ def test_the_trace_of_the_first_rows_is_the_begin_of_the_trace(name: str) -> Non
             np.testing.assert_array_equal(sample.tip, whole["tip"][at])
             np.testing.assert_array_equal(sample.object_force, whole["object_force"][at])
             np.testing.assert_array_equal(sample.torque, whole["torque"][at])
+            held = np.full(3, np.nan) if name == "fixed" else whole["operator_force"][at]
+            np.testing.assert_array_equal(sample.operator_force, held)
+            np.testing.assert_array_equal(sample.reference, whole["reference_force"][at])
+            assert (sample.touching, sample.saturated) == (bool(whole["touching"][at]), bool(whole["saturated"][at]))
             assert sample.time == pytest.approx(whole.time[at], abs=1e-12)

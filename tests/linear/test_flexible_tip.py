@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from flexible_device import with_mode
 from palpate import devices
 from palpate.control import workspace
 from palpate.devices.flexible_mode import FlexibleMode
@@ -147,3 +148,19 @@ def test_the_tip_feedback_holds_the_load_at_every_pose_nearby() -> None:
     np.testing.assert_array_equal(found.observer, law.gains.observer)
     with pytest.raises(PoseError, match=r"^the pose is near a singular one, where the controller bounds its force$"):
         tip_feedback(law, np.array([0.2, 2.0, 3.4]), force)
+
+
+@pytest.mark.parametrize("arm", [None, HumanArm(0.2, 3.0, 150.0)])
+def test_a_flexible_device_is_its_rigid_one_with_a_coupled_tip(arm: HumanArm | None) -> None:
+    """The force of the operator turns the tip's side, and the operator's hand holds it."""
+    force = np.array([0.3, -0.2, 0.5])
+    device = with_mode(ARM, 80.0, 0.4, 0.05)
+    found = [one[0] for one in equations_of_motion(device, POSE[None], arm, force)]
+    m, d, s, rows = (one[0] for one in equations_of_motion(ARM, POSE[None], None, np.zeros(3)))
+    m, d, s, rows = couple_tip(m, d, s, rows, MODE)
+    s[3:, 3:] -= np.einsum("k,kij->ij", force, ARM.tip_hessian(POSE))
+    if arm is not None:
+        hold = rows.T @ rows
+        m, d, s = m + arm.mass * hold, d + arm.damping * hold, s + arm.stiffness * hold
+    for one, wanted in zip(found, (m, d, s, rows), strict=True):
+        np.testing.assert_allclose(one, wanted, atol=1e-12 * np.abs(wanted).max())

@@ -1,8 +1,11 @@
 """Base parameters: the dynamics are linear in them, and the fictitious devices have one each."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from palpate import devices
+from palpate.errors import RecordingError
 from palpate.identification import base_parameters, base_values, with_base_values
 from palpate.identification.base import fictitious
 
@@ -57,3 +60,14 @@ def test_a_device_with_given_base_parameters_moves_accordingly(device):
     same = with_base_values(device, base_values(device))
     q, qd = states(device, 20)
     np.testing.assert_allclose(same.acceleration(q, qd, 0 * q), device.acceleration(q, qd, 0 * q), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("change", [{"environment__gravity": 0.0}, {"geometry__l5": 0.0}, {"geometry__l6": 0.0}])
+def test_a_device_without_gravity_has_none_to_fit(change):
+    arm = devices.load("phantom-premium-1.5a")
+    values = base_values(arm)
+    light = replace(arm, parameters=arm.parameters.with_values(environment__gravity=1.0))
+    np.testing.assert_allclose(base_values(with_base_values(light, values)), values, rtol=1e-9)
+    bare = replace(arm, parameters=arm.parameters.with_values(**change))
+    with pytest.raises(RecordingError, match=r"has no gravity to fit: its g, l5 or l6 is zero$"):
+        with_base_values(bare, values)

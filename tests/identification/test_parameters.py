@@ -10,7 +10,7 @@ from palpate import devices
 from palpate import identification as identify
 from palpate.errors import RecordingError
 from palpate.identification.instruments import expected_angles
-from palpate.identification.parameters import _balance, long_run_covariance
+from palpate.identification.parameters import DELAY, _balance, _late_torque, long_run_covariance
 from palpate.identification.recording import Recording
 from palpate.identification.weak_form import TestFunctions, weak_rows
 from scipy import signal
@@ -287,3 +287,19 @@ def test_an_encoder_that_wraps_is_named_with_its_sample():
     low, size = recording.angle.min(), 0.7 * np.ptp(recording.angle)
     with pytest.raises(RecordingError, match=r"sample \d+: angle 1 jumps from .* the encoder wraps"):
         identify.estimate_parameters(replace(recording, angle=low + np.mod(recording.angle - low, size)), SLIDER)
+
+
+@pytest.mark.parametrize(("delay", "move", "named"), [(0.39, 1.0, False), (0.41, 1.0, True), (-0.41, 1.0, True)])
+def test_a_delay_counts_from_four_of_its_own_deviations_if_it_moves_a_parameter(delay, move, named):
+    fit = identify.estimate_parameters(short_recording(0), ARM)
+    width = np.append(1e-3 * fit.std, 0.1)
+    value = np.append(fit.value, delay)
+    value[3] += move * fit.half_width[3]
+    delayed = replace(fit, parameters=[*fit.parameters, DELAY], value=value, covariance=np.diag(width**2))
+    doubts = _late_torque(fit, delayed)
+    assert bool(doubts) is named
+    if named:
+        assert doubts[0].startswith(f"The torque acts 410 ± 2e+02 ms {'after' if delay > 0 else 'before'} its time")
+        assert doubts[0].endswith("until then the intervals of h do not hold.")
+    assert _late_torque(fit, replace(delayed, value=np.append(fit.value + 0.49 * fit.half_width, delay))) == []
+    assert _late_torque(fit, replace(delayed, value=np.append(fit.value + 0.51 * fit.half_width, 1.0))) != []

@@ -207,12 +207,12 @@ def test_the_ends_of_a_range_of_gains_are_those_of_one_pole() -> None:
         (lambda: loop_margins(SS([[2.5]], [[1.0]], [[1.0]], [[0.0]], T)),
          r"margins: the loop is unstable \(spectral radius 1\.500000\), so it has no margins; critical_gain gives the "
          r"gain that would be stable"),
-        (lambda: loop_gain(Controller.gain(1.0, T), SS(EYE, EYE, EYE, NONE, T + 3e-8)),
-         r"the plant's period is 0\.00050003 s and the controller's 0\.0005 s; sample both alike"),
+        (lambda: loop_gain(Controller.gain(1.0, T), SS(EYE, EYE, EYE, NONE, T * (1.0 + 2e-6))),
+         r"the plant's period is 0\.000500001 s and the controller's 0\.0005 s; sample both alike"),
     ):  # fmt: skip
         with pytest.raises(DesignError, match=f"^{says}$"):
             call()
-    loop_gain(Controller.gain(1.0, T), SS(EYE, EYE, EYE, NONE, T + 3e-9))
+    loop_gain(Controller.gain(1.0, T), SS(EYE, EYE, EYE, NONE, T * (1.0 + 5e-7)))
     assert _exit(loop, 1.4, 1.6) == (1.4, 1.6)
     assert _exit(loop, 0.1, 0.2) is None
 

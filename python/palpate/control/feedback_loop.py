@@ -7,6 +7,7 @@ inside the unit circle.
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import control
@@ -65,7 +66,7 @@ def loop_gain(
         DesignError: controller and plant have different periods or shapes.
     """
     period = require_sampled(plant, "loop_gain")
-    if not np.isclose(period, controller.period, rtol=1e-9):
+    if not math.isclose(period, controller.period, rel_tol=1e-6):
         raise DesignError(
             f"the plant's period is {period:g} s and the controller's {controller.period:g} s; sample both alike"
         )

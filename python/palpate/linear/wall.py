@@ -6,6 +6,7 @@ command -f passes through the controller, if any, is held for a period and acts 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -158,7 +159,7 @@ def causal_controller(controller: Any, period: float) -> control.StateSpace:
         raise StabilityError("the controller must be a sampled control system from one force to one force")
     if not controller.isdtime(strict=True):
         raise StabilityError("the controller is continuous: sample it with the servo period first")
-    if controller.dt is not True and not np.isclose(float(controller.dt), period, rtol=1e-9):
+    if controller.dt is not True and not math.isclose(float(controller.dt), period, rel_tol=1e-6):
         raise StabilityError(
             f"the controller is sampled every {float(controller.dt):g} s and the loop every {period:g} s"
         )

@@ -651,7 +651,7 @@ def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", MEASURES)
 def test_every_number_of_a_run_is_as_recorded(name: str, block: Path) -> None:
-    relative = 1e-4 if name.startswith("body") else 1e-6  # compliances have single precision
+    relative = 2e-3 if name.startswith("body") else 1e-6  # compliances have single precision, and solvers stop early
     assert_same(plain(MEASURES[name](block)), STORED[name], name, relative=relative)
 
 

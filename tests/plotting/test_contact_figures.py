@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from given_runs import run_press, run_slide
 from matplotlib import colormaps
 from matplotlib.colors import to_hex, to_rgb
-from palpate import fem, simulate
 from palpate.metrics import summarize
 from palpate.metrics.body_contact import JND, stiffness_along_path, work_so_far
 from palpate.plotting.body_contact import body_energy, force_and_deflection, stiffness_along_path_figure
@@ -21,44 +21,12 @@ from palpate.units import parse_quantity
 
 @pytest.fixture(scope="module")
 def slide() -> Trace:
-    """A point that is pressed on a checkerboard of 100 and 200 N/m and slides along x."""
-    tables = {
-        "device": {"name": "phantom-premium-1.5a"},
-        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
-        "servo": {"period": "1 ms"},
-        "reference": {"shape": "ramp", "rise": "50 ms", "force": ["0.05 N", "0.02 N", "-0.3 N"]},
-        "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "40 N/m"},
-        "object": {
-            "kind": "mesh",
-            "position": ["0.3 mm", "0.2 mm", "-0.4 mm"],
-            "mesh": {"shape": "box", "edge": "40 mm", "divisions": 10, "rotation": ["0 deg", "0 deg", "0 deg"]},
-            "surface": {"stiffness": ["100 N/m", "200 N/m"], "pattern": "checkerboard", "width": "4 mm"},
-        },
-        "run": {"duration": "0.3 s"},
-    }
-    return simulate(tables)
+    return run_slide()
 
 
 @pytest.fixture(scope="module")
 def press(tmp_path_factory: pytest.TempPathFactory) -> Trace:
-    """A block of 10 kPa under a sphere."""
-    path = tmp_path_factory.mktemp("body") / "block.h5"
-    volume = fem.block((0.04, 0.04, 0.02), (0.01, 0.01, 0.01))
-    fem.build(volume, young=10e3, fixed="z < 0.001 mm", touch="z > 19.9 mm", order=1, output=path)
-    tables = {
-        "device": {"name": "phantom-premium-1.5a"},
-        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
-        "servo": {"period": "1 ms"},
-        "reference": {"shape": "ramp", "rise": "50 ms", "force": ["0.1 N", "0 N", "-0.3 N"]},
-        "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "40 N/m"},
-        "object": {
-            "kind": "body",
-            "position": ["0 mm", "0 mm", "-0.5 mm"],
-            "body": {"file": str(path), "origin": ["20 mm", "20 mm", "20 mm"], "radius": "8 mm"},
-        },
-        "run": {"duration": "0.2 s"},
-    }
-    return simulate(tables)
+    return run_press(tmp_path_factory.mktemp("body") / "block.h5")
 
 
 def lines(axes: Any) -> list[np.ndarray]:

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import given_results as given
 import pytest
+from given_runs import run_diverging, run_press, run_slide
 from matplotlib.figure import Figure
 from palpate.report import Page, html
 from palpate.report.performance import performance_page, ripple_figure, stiffness_figure
+from palpate.report.run import run_page
 from palpate.report.workspace import axes_figure, section_figure, workspace_page
 from palpate.report.zwidth import close_figure, zwidth_figure, zwidth_page
 from palpate.stability.maps.workspace_map import Workspace
@@ -57,6 +59,11 @@ PAGES: dict[str, Callable[[], Page]] = {
 }
 
 
+def lines(page: Page) -> list[str]:
+    text = re.sub(r"<style>.*?</style>", "", page.html(), flags=re.DOTALL)
+    return re.sub(r"palpate \d[\w.+]*", "palpate VERSION", text).splitlines()
+
+
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_figure_is_as_stored(name: str) -> None:
     figure = FIGURES[name]()
@@ -67,11 +74,19 @@ def test_a_figure_is_as_stored(name: str) -> None:
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_is_as_stored(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(html, "inline_svg", lambda *words: f"<svg>{words[1:]}</svg>")
-    text = re.sub(r"<style>.*?</style>", "", PAGES[name]().html(), flags=re.DOTALL)
-    check_stored(STORED / f"page-{name}.json", re.sub(r"palpate \d[\w.+]*", "palpate VERSION", text).splitlines())
+    check_stored(STORED / f"page-{name}.json", lines(PAGES[name]()))
 
 
-def test_a_changed_number_is_noticed() -> None:
+def test_pages_of_runs_are_as_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(html, "inline_svg", lambda *words: f"<svg>{words[1:]}</svg>")
+    runs = {"slide": run_slide(), "press": run_press(tmp_path / "block.h5"), "diverging": run_diverging()}
+    for name, trace in runs.items():
+        found = [line.replace(str(tmp_path), "FOLDER") for line in lines(run_page(trace))]
+        check_stored(STORED / f"page-{name}.json", found)
+
+
+def test_a_changed_number_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("PALPATE_STORE", raising=False)
     higher = given.zwidth(curves={"a hand": replace(given.OWN, stiffness=1.001 * given.OWN.stiffness)})
     with pytest.raises(AssertionError, match=r"figure-zwidth-plain\.axes\[0\]"):
         check_stored(STORED / "figure-zwidth-plain.json", drawing(zwidth_figure(higher)))

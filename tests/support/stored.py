@@ -28,14 +28,14 @@ ABSOLUTE: Final = 1e-9
 REMEDY: Final = "if it is meant, write the stored results anew with PALPATE_STORE=1 and read their difference"
 
 
-def check_stored(file: Path, found: Any) -> None:
-    """Compare texts, numbers, lists and tables of them with those in a JSON file, numbers within `RELATIVE`."""
+def check_stored(file: Path, found: Any, relative: float = RELATIVE) -> None:
+    """Compare texts, numbers, lists and tables of them with those in a JSON file."""
     found = _plain(found)
     if os.environ.get("PALPATE_STORE"):
         file.parent.mkdir(exist_ok=True)
         file.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", "utf-8")
     stored = json.loads(file.read_text("utf-8"))
-    places = _differences(stored, found, file.stem)
+    places = _differences(stored, found, file.stem, relative)
     assert not places, "\n".join([*places[:10], REMEDY])
 
 
@@ -68,6 +68,13 @@ def _axes(axes: Axes) -> dict[str, Any]:
             "shown": [text.get_text() for text in axis.get_majorticklabels()],
             "padding": axis.labelpad,
         }
+    if bar := getattr(axes, "_colorbar", None):
+        info = getattr(axes, "_colorbar_info", {})
+        found["bar"] = [
+            bar.extend,
+            bar.orientation,
+            *(info.get(key) for key in ("shrink", "pad", "aspect", "fraction")),
+        ]
     legend = axes.get_legend()
     found["legend"] = _legend(legend) if legend else None
     found["artists"] = [_artist(one) for one in axes.get_children() if isinstance(one, Line2D | Patch | Collection)]
@@ -150,14 +157,14 @@ def _plain(value: Any) -> Any:
     return value if value is None or isinstance(value, str | bool | int | float) else str(value)
 
 
-def _differences(stored: Any, found: Any, place: str) -> list[str]:
+def _differences(stored: Any, found: Any, place: str, relative: float) -> list[str]:
     if isinstance(stored, dict) and isinstance(found, dict) and stored.keys() == found.keys():
-        return [line for key in stored for line in _differences(stored[key], found[key], f"{place}.{key}")]
+        return [line for key in stored for line in _differences(stored[key], found[key], f"{place}.{key}", relative)]
     if isinstance(stored, list) and isinstance(found, list) and len(stored) == len(found):
         pairs = enumerate(zip(stored, found, strict=True))
-        return [line for i, (a, b) in pairs for line in _differences(a, b, f"{place}[{i}]")]
+        return [line for i, (a, b) in pairs for line in _differences(a, b, f"{place}[{i}]", relative)]
     if isinstance(stored, float) or isinstance(found, float):
-        near = pytest.approx(stored, rel=RELATIVE, abs=ABSOLUTE, nan_ok=True)
+        near = pytest.approx(stored, rel=relative, abs=ABSOLUTE, nan_ok=True)
         return [] if isinstance(found, int | float) and found == near else [_line(place, stored, found)]
     return [] if stored == found else [_line(place, stored, found)]
 

@@ -33,7 +33,7 @@ def check_stored(file: Path, found: Any, relative: float = RELATIVE) -> None:
     found = _plain(found)
     if os.environ.get("PALPATE_STORE"):
         file.parent.mkdir(exist_ok=True)
-        file.write_text(json.dumps(found, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        file.write_text(_written(found), "utf-8")
     stored = json.loads(file.read_text("utf-8"))
     places = _differences(stored, found, file.stem, relative)
     assert not places, "\n".join([*places[:10], REMEDY])
@@ -155,6 +155,17 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return _plain(value.item())
     return value if value is None or isinstance(value, str | bool | int | float) else str(value)
+
+
+def _written(found: Any) -> str:
+    """Return JSON with a line for each entry, and ten digits of each number."""
+    rounded = json.loads(json.dumps(found), parse_float=lambda digits: float(f"{float(digits):.10g}"))
+    if isinstance(rounded, dict):
+        rows = [f"{json.dumps(key)}: {json.dumps(entry, ensure_ascii=False)}" for key, entry in rounded.items()]
+        return "{\n" + ",\n".join(rows) + "\n}\n"
+    if not isinstance(rounded, list):
+        return json.dumps(rounded, ensure_ascii=False) + "\n"
+    return "[\n" + ",\n".join(json.dumps(entry, ensure_ascii=False) for entry in rounded) + "\n]\n"
 
 
 def _differences(stored: Any, found: Any, place: str, relative: float) -> list[str]:

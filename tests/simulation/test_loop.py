@@ -182,6 +182,16 @@ def test_the_environment_keeps_the_rules() -> None:
     np.testing.assert_array_equal(again, env.reset()[0])
 
 
+def test_the_reward_is_the_sum_over_the_periods_of_an_action() -> None:
+    coarse, fine = Environment(WALL, acts="operator", periods=4), Environment(WALL, acts="operator")
+    coarse.reset()
+    fine.reset()
+    for action in ([-0.3, 0.0, 0.0], [-0.6, 0.0, 0.0], [0.0, 0.0, 0.0]):
+        together = coarse.step(action)[1]
+        assert together == pytest.approx(sum(fine.step(action)[1] for _ in range(4)), rel=1e-12)
+    assert together < 0.0
+
+
 def test_an_environment_pushes_as_the_operator_and_clips() -> None:
     env = Environment(WALL, acts="operator", largest_force=1.0, reward=lambda sample: sample.object_force[0])
     env.reset()

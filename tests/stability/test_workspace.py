@@ -259,8 +259,8 @@ def test_a_map_says_its_least_limit_where_it_is_and_what_is_soft() -> None:
     assert (soft.least_stable, soft.stable) == (7.0, False)
     assert str(soft).startswith("Walls from 7 N/m up to 100 N/m are stable at each of 3 poses")
     assert str(soft).endswith(
-        "200 N/m. At 2 poses the device is unstable without a wall. At the worst of them walls below 7 N/m are unstable "
-        "too."
+        "200 N/m. At 2 poses the device is unstable without a wall. At the worst of them walls below 7 N/m are "
+        "unstable too."
     )
     none = made([[300.0, 200.0], [500.0, 100.0], [400.0, 900.0]], [[0.0, 100.0], [0.0, 0.0], [3.0, 0.0]])
     assert (none.least_stable, none.stable) == (100.0, False)

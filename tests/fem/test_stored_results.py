@@ -20,6 +20,7 @@ from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.contact_accuracy import force_error, node_distance, spacing_for, unresolved
 from palpate.fem.mesh_estimate import estimate, surface_samples
 from palpate.fem.mesh_improvement import min_angles
+from palpate.fem.model_data import model_data
 from palpate.fem.modes_cost import fill, groups, modes_cost
 from palpate.fem.selectors import parse_selector
 from stored import check_stored
@@ -94,15 +95,32 @@ def filled(**options: Any) -> Body:
 
 
 def network() -> Body:
+    """Return a network of springs, one of which has its middle at the origin."""
     cells = fem.block((0.02, 0.02, 0.01), 0.005)
     edges = np.unique(
         np.sort(cells.tetrahedra[:, [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]].reshape(-1, 2)), axis=0
     )
     top = np.flatnonzero(cells.points[:, 2] > 0.0099)
+    middle = cells.points[edges[0]].mean(axis=0)
     return fem.build_springs(
-        cells.points, edges, stiffness=np.linspace(20.0, 40.0, len(edges)), masses=1e-4, damping=0.01,
+        cells.points - middle, edges, stiffness=np.linspace(20.0, 40.0, len(edges)), masses=1e-4, damping=0.01,
         fixed=cells.points[:, 2] < 1e-6, triangles=top[[[0, 1, 5], [1, 6, 5]]] if len(top) else [],
     )  # fmt: skip
+
+
+def models(body: Body) -> Any:
+    """Return the data from which a program in C++ makes each kind of a body."""
+    held = body.with_support_changes([{"at": "10 ms", "held": "x < 12.1 mm"}], "1 ms")
+    kinds = [
+        body, body.with_friction(0.3), body.signed_distance(), body.signed_distance(static_friction=0.4),
+        body.mass_spring("1 ms"), body.hyperelastic("1 ms", density=900.0), held, *remembering(body),
+        body.modal("1 ms", update_interval="4 ms"),
+    ]  # fmt: skip
+    found = [model_data(kind) for kind in kinds]
+    for one in found:
+        if "shapes" in one.arrays:
+            one.arrays["shapes"] = np.sum(one.arrays["shapes"].astype(float) ** 2, axis=1)  # their signs are free
+    return summary([one._asdict() for one in found])
 
 
 def presses(body: Body) -> Any:
@@ -163,6 +181,7 @@ CASES: dict[str, Callable[[], Any]] = {
     ),
     "notched": lambda: contents(notched()),
     "network": lambda: contents(network()),
+    "models": lambda: models(plain()),
     "presses": lambda: presses(plain()),
     "estimates": estimates,
     "regions": regions,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from palpate.contact.simplices import volumes
 from palpate.fem import BodyError, Volume, block
 from palpate.fem import volume as module
 from palpate.fem.closed_surface import ClosedSurface
-from palpate.fem.volume import _check_count, _not_finite, check_mesher, fill_surface, grid
+from palpate.fem.volume import _check_count, _not_finite, check_mesher, fill_surface, grid, read_volume
 from palpate.fem.winding_number import WindingNumber
 
 CORNERS = np.array([[0.0, 0, 0], [0.01, 0, 0], [0, 0.02, 0], [0, 0, 0.03]])
@@ -221,3 +222,26 @@ def test_winding_numbers_of_several_shells_add_up(block_size: int, monkeypatch: 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert found(np.empty((0, 3))).shape == (0,)
+
+
+def test_a_block_counts_six_tetrahedra_for_each_cell_before_it_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "grid", lambda lines, _source: [len(line) for line in lines])
+    assert block((1.0, 2.0, 3.0), (1.0 / 150, 2.0 / 148, 3.0 / 150)) == [151, 149, 151]  # 19.98 million
+    with pytest.raises(BodyError, match="the block"):
+        block((1.0, 2.0, 3.0), (1.0 / 150, 2.0 / 149, 3.0 / 150))  # 20.1 million
+
+
+def test_a_reader_of_meshes_has_a_minute_and_2_gb_and_more_for_larger_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, limits = tmp_path / "body.msh", dict[str, float]()
+
+    def read(_code: str, given: dict[str, Any], **options: float) -> dict[str, Any]:
+        assert given == {"path": str(file)}
+        limits.update(options)
+        return {"points": np.column_stack([1e3 * CORNERS, [9, 9, 9, 9]]), "cells": np.arange(4)[None]}
+
+    monkeypatch.setattr(module, "run_isolated", read)
+    file.write_bytes(b"x" * 100_000)
+    np.testing.assert_allclose(read_volume(file, unit="mm").points, CORNERS)
+    assert limits == {"seconds": pytest.approx(61.0), "memory": 2_010_000_000}

@@ -94,6 +94,11 @@ def filled(**options: Any) -> Body:
     return fem.build(mesh(ellipsoid()), **{**given, **options})
 
 
+def sphere() -> Body:
+    ball = mesh(trimesh.creation.icosphere(2, 0.02))
+    return fem.build_boundary(ball, young=5e3, unit="m", fixed="z < -12 mm", order=1)
+
+
 def network() -> Body:
     """Return a network of springs, one of which has its middle at the origin."""
     cells = fem.block((0.02, 0.02, 0.01), 0.005)
@@ -176,9 +181,9 @@ CASES: dict[str, Callable[[], Any]] = {
     "filled-graded": lambda: contents(
         filled(tip_radius="4 mm", touch="sphere 0 0 15 radius 6 mm", growth=0.4, spacing=None)
     ),
-    "boundary": lambda: contents(
-        fem.build_boundary(mesh(trimesh.creation.icosphere(2, 0.02)), young=5e3, unit="m", fixed="z < -12 mm", order=1)
-    ),
+    "boundary": lambda: contents(sphere()),
+    "boundary-held": lambda: contents(sphere().held("sphere 0 20 0 radius 8 mm")),
+    "block-held": lambda: contents(plain().held("sphere 30 24 18 radius 8 mm")),
     "notched": lambda: contents(notched()),
     "network": lambda: contents(network()),
     "models": lambda: models(plain()),

@@ -39,7 +39,8 @@ def test_the_default_phantom_has_a_skin_of_2_mm_and_a_nodule_of_15_mm_at_10_mm(b
 
 
 def test_a_contrast_of_1_is_no_nodule_and_a_thickness_of_0_is_no_skin(built: Any) -> None:
-    given = {"young": "8 kPa", "poisson": 0.3, "spacing": "20 mm", "modes": 3, "output": "file.h5", "progress": print}
+    given: dict[str, Any] = {"young": "8 kPa", "poisson": 0.3, "spacing": "20 mm", "modes": 3}
+    given |= {"output": "file.h5", "progress": print}
     phantom(contrast=1.0, layer_thickness=0.0, **given)
     (volume, options) = built[0]
     assert options["regions"] == []

@@ -246,3 +246,24 @@ def test_a_reader_of_meshes_has_a_minute_and_2_gb_and_more_for_larger_files(
     file.write_bytes(b"x" * 100_000)
     np.testing.assert_allclose(read_volume(file, unit="mm").points, CORNERS)
     assert limits == {"seconds": pytest.approx(61.0), "memory": 2_010_000_000}
+
+
+def test_a_grid_is_refused_by_the_count_of_its_tetrahedra(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts: list[tuple[float, str]] = []
+    monkeypatch.setattr(module, "_check_count", lambda count, what: counts.append((count, what)))
+    made = grid([np.arange(3.0), np.arange(5.0), np.arange(7.0)], "tall")
+    assert counts == [(len(made.tetrahedra), "tall")]
+
+
+@pytest.mark.parametrize(
+    ("points", "cells"),
+    [(np.zeros(12), [[0, 1, 2, 3]]), (np.zeros((4, 2)), [[0, 1, 2, 3]]), (CORNERS, np.zeros((0, 4), dtype=int))],
+)
+def test_a_file_without_points_in_space_or_cells_has_no_tetrahedra(
+    points: Any, cells: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "body.msh"
+    file.write_bytes(b"x")
+    monkeypatch.setattr(module, "run_isolated", lambda *_, **__: {"points": points, "cells": cells})
+    with pytest.raises(BodyError, match="the file has no tetrahedra"):
+        read_volume(file, unit="mm")

@@ -251,7 +251,7 @@ def test_a_reader_of_meshes_has_a_minute_and_2_gb_and_more_for_larger_files(
 def test_a_grid_is_refused_by_the_count_of_its_tetrahedra(monkeypatch: pytest.MonkeyPatch) -> None:
     counts: list[tuple[float, str]] = []
     monkeypatch.setattr(module, "_check_count", lambda count, what: counts.append((count, what)))
-    made = grid([np.arange(3.0), np.arange(5.0), np.arange(7.0)], "tall")
+    made = grid([0.01 * np.arange(n) for n in (3.0, 5.0, 7.0)], "tall")
     assert counts == [(len(made.tetrahedra), "tall")]
 
 

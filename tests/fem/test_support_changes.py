@@ -250,3 +250,11 @@ def test_a_tool_of_several_tips_follows_changes(body: Body) -> None:
 def test_a_change_that_is_none_is_refused(coarse: Body, change: Any, sentence: str) -> None:
     with pytest.raises(BodyError, match=sentence):
         change(coarse)
+
+
+def test_the_first_phase_in_which_no_node_can_be_touched_is_named(coarse: Body) -> None:
+    """Phases before and after it have nodes that can be touched."""
+    everything = "z > -1000 mm"
+    changes = [{"at": "1 ms", "held": LEFT}, {"at": "2 ms", "held": everything}, {"at": "3 ms", "held": LEFT}]
+    with pytest.raises(BodyError, match=r"^supports: from 0\.002 s on, no node of the body can be touched$"):
+        coarse.with_support_changes(changes, "1 ms")

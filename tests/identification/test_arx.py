@@ -269,3 +269,22 @@ def test_a_residual_test_needs_four_samples_a_lag_of_one_signal_that_moves():
         whiteness(np.full(100, 3.0), 25)
     with pytest.raises(RecordingError, match="residual and input must be equally long; they have 100 and 120 samples"):
         independence(signal, rng.normal(size=120), 25)
+
+
+def test_the_reach_is_that_of_the_longest_regressor():
+    def of(na, nb, nk):
+        table = np.zeros((2, 2, 9))
+        counts = [np.full((2, 2), k) for k in (na, nb, nk)]
+        return ArxModel(*counts, PERIOD, table, table, table, table, (), np.eye(2), np.zeros(2), np.zeros(2), 100).reach
+
+    assert [of(5, 1, 1), of(1, 5, 1), of(1, 2, 4), of(0, 1, 1), of(2, 0, 7)] == [5, 5, 5, 1, 2]
+
+
+def test_an_output_may_have_coefficients_of_outputs_alone():
+    rng = np.random.default_rng(5)
+    y = np.zeros((400, 2))
+    for k in range(1, 400):
+        y[k] = 0.8 * y[k - 1] + rng.normal(size=2)
+    record = Recording(PERIOD * np.arange(400), y, rng.normal(size=(400, 2)))
+    model = arx(record, 1, [[0, 0], [1, 1]], 1)
+    assert (model.na.sum(), model.nb.sum()) == (2, 2)

@@ -14,7 +14,7 @@ from palpate import simulate
 from palpate.metrics import summarize
 from palpate.metrics.body_contact import PalpationMetrics
 from palpate.metrics.mesh_contact import _ripple_power, sliding_metrics
-from palpate.metrics.summary import _magnitude, _plain
+from palpate.metrics.summary import _magnitude, _one_step, _plain
 from palpate.simulation.trace import TraceError
 from readers import SLIDER
 
@@ -265,3 +265,7 @@ def test_a_settling_time_is_told_in_milliseconds_below_a_second() -> None:
         assert (time < 1.0) is (unit == "ms")
         told = f"{time:.3g} s" if unit == "s" else f"{1e3 * time:.3g} ms"
         assert found["verdict"].startswith(f"settled to 5 % in {told}")
+
+
+def test_a_channel_without_a_scenario_counts_as_one_step() -> None:
+    assert _one_step(None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ from palpate.stability.mesh_sites import (
     faces_near,
     group_normals,
 )
+
+SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 
 def cube(divisions: int) -> Mesh:
@@ -303,3 +306,11 @@ def test_a_mesh_of_one_triangle_is_a_site_with_its_face(tmp_path: Path) -> None:
     tables["operator"]["force"] = ["0 N", "0 N", "-1 N"]
     for site in mesh_contact(Scenario.from_dict(tables)).sites:
         assert [point.stiffness for point in site.points] == [400.0]
+
+
+def test_a_tip_that_is_kept_still_has_no_contact_that_oscillates() -> None:
+    tables = tomllib.loads((SCENARIOS / "slide-cube-by-forces.toml").read_text("utf-8"))
+    tables["operator"] = {"kind": "fixed"}
+    says = r'^operator\.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator$'
+    with pytest.raises(StabilityError, match=says):
+        mesh_contact(Scenario.from_dict(tables))

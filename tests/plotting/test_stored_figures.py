@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from drawings import drawing
 from given_runs import run_diverging, run_press, run_slide
 from matplotlib.figure import Figure
 from palpate.plotting import figures
@@ -18,7 +19,7 @@ from palpate.plotting.body_contact import (
 from palpate.plotting.mesh_contact import profile, stiffness_and_depth, trajectory
 from palpate.simulation import Trace
 from palpate.simulation.bodies import pressed_at
-from stored import check_stored, drawing
+from stored import check_stored
 
 STORED = Path(__file__).with_name("stored")
 

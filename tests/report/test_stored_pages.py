@@ -9,6 +9,7 @@ from pathlib import Path
 
 import given_results as given
 import pytest
+from drawings import drawing
 from given_runs import run_diverging, run_press, run_slide
 from matplotlib.figure import Figure
 from palpate.report import Page, html
@@ -18,7 +19,7 @@ from palpate.report.workspace import axes_figure, section_figure, workspace_page
 from palpate.report.zwidth import close_figure, zwidth_figure, zwidth_page
 from palpate.stability.maps.workspace_map import Workspace
 from palpate.stability.maps.zwidth_map import Corner, ZWidth
-from stored import check_stored, drawing
+from stored import check_stored
 
 STORED = Path(__file__).with_name("stored")
 

@@ -25,7 +25,7 @@ from palpate.simulation.linear_loop import OwnDamping, scenario_loop
 from palpate.simulation.meshes import box_mesh
 from palpate.simulation.proxy_law import ProxyProbe
 from palpate.simulation.trace import Trace
-from stored_results import assert_same, plain
+from stored import assert_same, plain
 
 PERIOD = 1e-3
 POSE = ["0.1 rad", "2.2305 rad", "3.2776 rad"]

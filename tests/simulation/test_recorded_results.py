@@ -22,7 +22,7 @@ from palpate.simulation.step_response import step_response
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import Evidence, State, ahead, chatters, decide, generates, growth, slips
 from palpate.simulation.windows import Window
-from stored_results import assert_same, plain
+from stored import assert_same, plain
 
 PERIOD = 1e-3
 

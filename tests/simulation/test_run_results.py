@@ -28,7 +28,7 @@ from palpate.simulation.linear_contact import contact_radius
 from palpate.simulation.loop import Loop
 from palpate.simulation.loop_config import _Blobs, _document
 from palpate.simulation.windows import Window
-from stored_results import assert_same, plain
+from stored import assert_same, plain
 
 DEVICE = "phantom-premium-1.5a"
 HAND: dict[str, Any] = {

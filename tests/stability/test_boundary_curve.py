@@ -110,3 +110,9 @@ def test_a_curve_of_three_points_or_more_is_parted_at_its_jumps() -> None:
         assert curve(np.full(3, 7.0), np.array([0.0, 1.0, 2.0]), jump).pieces == pieces
     slanted = curve(np.array([0.0, 3.0, 6.0]), np.array([0.0, 40.0, 80.0]), jump=0.7)
     assert slanted.pieces == [(0, 1), (1, 2), (2, 3)]  # half of both sides: 0.707 of the size
+
+
+def test_a_curve_without_damping_has_its_stiffness_at_zero() -> None:
+    one = Boundary(np.zeros(2), np.array([5.0, 3.0]), np.zeros(2), (0.0, 1.0))
+    assert one.stiffest_at(0.0) == 5.0
+    assert one.stiffest_at(0.1) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from palpate import fem, simulate
 from palpate.errors import ScenarioError, StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.body_response import HeldTip, HeldTips, body_response
-from palpate.simulation.joint_run import simulate_together
+from palpate.simulation.joint_run import JointRun, simulate_together
 from palpate.simulation.shared_body import SharedBody
 from palpate.simulation.verdict import State
 from palpate.stability.joint import joint_stability
@@ -160,3 +161,9 @@ def test_devices_that_cannot_share_a_body_are_refused(block: Path) -> None:
     for scenarios, text in cases:
         with pytest.raises(ScenarioError, match=text):
             simulate_together(scenarios)
+
+
+@pytest.mark.parametrize("settled", [(True, True), (True, False), (False, False)])
+def test_a_joint_run_has_settled_if_every_device_has(settled: tuple[bool, ...]) -> None:
+    traces: Any = tuple(SimpleNamespace(verdict=SimpleNamespace(settled=one)) for one in settled)
+    assert JointRun(traces, ()).settled == all(settled)

@@ -46,6 +46,8 @@ def test_a_design_that_is_met_promises_what_its_scenario_does(met: ControllerDes
     assert met.bound < max(met.settling.values()) <= 0.03
     assert met.overshoot <= 0.05
     assert met.controller is not None
+    assert met.bound_direction is not None
+    assert met.to_dict()["drive_bound_direction"] == met.bound_direction.tolist()
     path = met.save_scenario(tmp_path / "scenario.toml")
     trace = palpate.simulate(path)
     summary = palpate.summarize(trace)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from palpate.arrays import Array
 from palpate.fem import BodyError, Volume, block
-from palpate.fem.indentation import count_inverted, settle_at_depths
+from palpate.fem.indentation import ContactHistory, count_inverted, settle_at_depths
 
 CELLS = block(0.01, 0.005)
 DEPTHS = 1e-3 * np.arange(1.0, 13.0)
@@ -86,3 +86,12 @@ def test_a_mesh_of_which_three_tetrahedra_share_a_face_is_refused() -> None:
     assert len(Volume(points[:5], np.array([[0, 1, 2, 3], [0, 1, 2, 4]])).surface) == 6
     with pytest.raises(BodyError, match="more than two tetrahedra share a face: the mesh overlaps itself; mesh again"):
         _ = Volume(points, np.array([[0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2, 5]])).surface
+
+
+def test_a_history_needs_the_forces_of_each_tick() -> None:
+    rows = np.zeros((3, 15))
+    rows[:, 9] = 1.0
+    assert ContactHistory.of(rows).nodes.tolist() == [0, 0, 0]
+    rows[1, 9] = 0.0
+    with pytest.raises(BodyError, match="nodes"):
+        ContactHistory.of(rows)

@@ -134,7 +134,7 @@ def test_a_body_with_inertia_that_relaxes_has_in_the_loop_the_forces_that_it_has
         body, origin, _ = place_body(scenario, trace["tip"][0] + np.array(scenario.object.position))
         body.core.reset()
         felt = body.simulate_path(trace["tip"] - origin, 8e-3)
-        np.testing.assert_allclose(trace["object_force"], -felt.force, atol=2e-3 * np.abs(felt.force).max())
+        np.testing.assert_allclose(trace["object_force"], -felt.force, atol=1e-2 * np.abs(felt.force).max())
         forces[name] = felt.force[:, 2] / np.maximum(-felt.deflection[:, 2], 1e-6)
     assert (forces["both"][60:120] > 1.2 * forces["none"][60:120]).all()  # stiffer at first, while it rises
 

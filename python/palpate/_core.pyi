@@ -24,10 +24,28 @@ class SurfaceFrames:
         Return the last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.
         """
 
+class ToolMotion:
+    """
+    Tips of a tool that turns, opens and closes, relative to the device's tip.
+    """
+
+    def __init__(self, open: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], closed: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], rows: Annotated[NDArray[numpy.float64], dict(shape=(None, 5), order='C', device='cpu', writable=False)]) -> None:
+        """
+        Places of the tips less the device's tip at the openings 1 and 0 (k, 3), m. Rows of increasing time, s; angles about x, then y, then z of the device, rad; opening.
+        """
+
+    def places(self, times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+        """
+        Return the centers of the tips less the device's tip at times (m,), s: (m, k, 3), m.
+        """
+
 class PlacedBody:
     """A body, its pose in the device frame, and the tip that touches it."""
 
     def __init__(self, body: DeformableBody, origin: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], rotation: Annotated[NDArray[numpy.float64], dict(shape=(3, 3), order='F')], radius: float, flat: bool) -> None: ...
+
+    def set_tool(self, motion: ToolMotion) -> None:
+        """Move the contact points of the body's tool."""
 
 class ComplianceBody(DeformableBody):
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], static_friction: float = 0.0, dynamic_friction: float = 0.0) -> None: ...
@@ -119,9 +137,9 @@ class SignedDistanceBody(DeformableBody):
         `lanes`: width of the registers as for run_cells, 0: the widest; the forces do not depend on it. `contact_points`: centers of the equal tips of a rigid tool less the center of a path (k, 3), m; none: one tip, or `tips` of `simulate_tips`.
         """
 
-    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool, tool: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)] | None = None) -> NDArray[numpy.float64]:
         """
-        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without directions, a sphere takes the direction of the normal force, or the normal of the nearest node. `tool`: centers of the tips of a tool less the position of the path (m, tips, 3), m; none: where they are.
         """
 
     def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
@@ -200,6 +218,48 @@ class MassSpringBody(DeformableBody):
         Number of periods whose speed was reduced to keep the energy from rising.
         """
 
+class SupportedBody(DeformableBody):
+    """
+    A linear body without friction whose supports and touched nodes change.
+    """
+
+    @overload
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], steps: Sequence[int], roles: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None:
+        """
+        `steps`: first step of each phase. `roles`: of each node in each phase, 0: deforms only, 1: touched, 2: held.
+        """
+
+    @overload
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], steps: Sequence[int], roles: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], node: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], modulus: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], poisson: float, sideways: float = 1.0, lanes: int = 0, contact_points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)] | None = None) -> None:
+        """The same with contact by signed distance."""
+
+    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool, tool: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)] | None = None) -> NDArray[numpy.float64]:
+        """
+        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without directions, a sphere takes the direction of the normal force, or the normal of the nearest node. `tool`: centers of the tips of a tool less the position of the path (m, tips, 3), m; none: where they are.
+        """
+
+    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
+        """Return the duration of each step, s, including the clock's own."""
+
+    def contact_forces(self) -> tuple:
+        """
+        Return the contact nodes of the last step and the forces along their inward normals, N.
+        """
+
+    def displacement(self) -> NDArray[numpy.float64]:
+        """Return the displacement of each node after the last step (n, 3), m."""
+
+    def change_supports(self, role: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """
+        Change the roles of the nodes at the next step: 0: deforms only, 1: touched, 2: held.
+        """
+
+    @property
+    def changes(self) -> int:
+        """Number of changes since the body was at rest."""
+
+    def reset(self) -> None: ...
+
 class MultirateBody(DeformableBody):
     """Linear body whose model is updated at a low rate, after the ticks."""
 
@@ -246,48 +306,6 @@ def scatter_add(to: Annotated[NDArray[numpy.float32], dict(shape=(None, None), d
     """
     Add from_ to to[rows, columns], both in Fortran order. lower: skip the entries above the diagonal.
     """
-
-class SupportedBody(DeformableBody):
-    """
-    A linear body without friction whose supports and touched nodes change.
-    """
-
-    @overload
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], steps: Sequence[int], roles: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None:
-        """
-        `steps`: first step of each phase. `roles`: of each node in each phase, 0: deforms only, 1: touched, 2: held.
-        """
-
-    @overload
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], steps: Sequence[int], roles: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], node: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], modulus: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], poisson: float, sideways: float = 1.0, lanes: int = 0, contact_points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)] | None = None) -> None:
-        """The same with contact by signed distance."""
-
-    def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """
-        Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.
-        """
-
-    def step_durations(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool) -> NDArray[numpy.float64]:
-        """Return the duration of each step, s, including the clock's own."""
-
-    def contact_forces(self) -> tuple:
-        """
-        Return the contact nodes of the last step and the forces along their inward normals, N.
-        """
-
-    def displacement(self) -> NDArray[numpy.float64]:
-        """Return the displacement of each node after the last step (n, 3), m."""
-
-    def change_supports(self, role: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
-        """
-        Change the roles of the nodes at the next step: 0: deforms only, 1: touched, 2: held.
-        """
-
-    @property
-    def changes(self) -> int:
-        """Number of changes since the body was at rest."""
-
-    def reset(self) -> None: ...
 
 class ContactObject:
     """An object that a tip touches."""
@@ -392,7 +410,7 @@ class HyperelasticBody(DeformableBody):
 class HyperelasticModel:
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tetrahedra: Annotated[NDArray[numpy.int64], dict(shape=(None, 4), order='C', device='cpu', writable=False)], shear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lame: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], fixed: Annotated[NDArray[numpy.bool_], dict(shape=(None,), order='C', device='cpu', writable=False)], corotational: bool, instantaneous_ratio: float = 1.0, retardation_time: float = 1.0) -> None: ...
 
-    def evaluate(self, displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], duration: float = ...) -> tuple:
+    def evaluate(self, displacement: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], duration: float = float('inf')) -> tuple:
         """
         Return the energy, J, and the internal forces on the free points (p, 3), N, at the end of a step of a duration, s.
         """
@@ -402,7 +420,7 @@ class HyperelasticModel:
         Return the derivative of the internal forces along `direction`, N, at the last evaluated displacement, in single precision.
         """
 
-    def solve_equilibrium(self, load: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tolerance: float = 1e-08, max_steps: int = 60, duration: float = ...) -> int:
+    def solve_equilibrium(self, load: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], tolerance: float = 1e-08, max_steps: int = 60, duration: float = float('inf')) -> int:
         """
         Solve for the equilibrium under a load, N, at the end of a step of a duration, s. Return the number of Newton steps, or -1 if they do not converge.
         """
@@ -1213,6 +1231,11 @@ class PremiumLoop:
         Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.
         """
 
+    def move_tool(self, angles: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], opening: float) -> None:
+        """
+        Turn, open or close the tool from the next tick on, in place of its motion; see ToolMotion.
+        """
+
     @property
     def angles(self) -> Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')]: ...
 
@@ -1561,6 +1584,11 @@ class SliderLoop:
     def change_supports(self, roles: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
         """
         Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.
+        """
+
+    def move_tool(self, angles: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], opening: float) -> None:
+        """
+        Turn, open or close the tool from the next tick on, in place of its motion; see ToolMotion.
         """
 
     @property
@@ -1913,6 +1941,11 @@ class FiveBarLoop:
         Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.
         """
 
+    def move_tool(self, angles: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], opening: float) -> None:
+        """
+        Turn, open or close the tool from the next tick on, in place of its motion; see ToolMotion.
+        """
+
     @property
     def angles(self) -> Annotated[NDArray[numpy.float64], dict(shape=(2), order='C')]: ...
 
@@ -2211,6 +2244,11 @@ class TipDeviceLoop:
     def change_supports(self, roles: Annotated[NDArray[numpy.uint8], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
         """
         Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.
+        """
+
+    def move_tool(self, angles: Annotated[NDArray[numpy.float64], dict(shape=(3), order='C')], opening: float) -> None:
+        """
+        Turn, open or close the tool from the next tick on, in place of its motion; see ToolMotion.
         """
 
     @property

@@ -28,6 +28,29 @@ def tool_mistake(points: Sequence[Sequence[float]]) -> str:
     return ""
 
 
+def closest_tips(
+    open_points: Sequence[Sequence[float]], closed_points: Sequence[Sequence[float]], least: float
+) -> tuple[int, int] | None:
+    """Return the numbers, from 1 on, of two tips of a gripper that meet; None if none do.
+
+    Args:
+        open_points: places of the tips at the opening 1 (k, 3), m.
+        closed_points: the same at the opening 0; between them the tips move in proportion.
+        least: smallest opening.
+    """
+    for k in range(len(open_points)):
+        for other in range(k):
+            wide = [a - b for a, b in zip(open_points[k], open_points[other], strict=True)]
+            narrow = [a - b for a, b in zip(closed_points[k], closed_points[other], strict=True)]
+            change = [a - b for a, b in zip(wide, narrow, strict=True)]
+            square = sum(x * x for x in change)
+            at = -sum(a * b for a, b in zip(narrow, change, strict=True)) / square if square > 0.0 else 1.0
+            at = min(max(at, least), 1.0)  # opening at which they are closest
+            if math.hypot(*(a + at * b for a, b in zip(narrow, change, strict=True))) < _SAME_PLACE:
+                return other + 1, k + 1
+    return None
+
+
 def positive(value: float | str, name: str, unit: str) -> float:
     """Return ``value`` in SI, or raise StabilityError unless it is finite and above zero."""
     number = finite(value, name, unit)

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <palpate/deformable/contact/patch_points.hpp>
 #include <palpate/deformable/contact/surface_nodes.hpp>
 #include <palpate/deformable/linear/mass_spring_model.hpp>
@@ -27,6 +28,8 @@ using Matrix = nanobind::ndarray<const float, nanobind::shape<-1, -1>, nanobind:
 using Flags = nanobind::ndarray<const bool, nanobind::shape<-1>, nanobind::c_contig, nanobind::device::cpu>;
 using Indices = nanobind::ndarray<const std::int32_t, nanobind::shape<-1>, nanobind::c_contig, nanobind::device::cpu>;
 using Tensor = nanobind::ndarray<const double, nanobind::shape<-1, -1, 3>, nanobind::c_contig, nanobind::device::cpu>;
+template <int width>
+using NumberRows = nanobind::ndarray<const double, nanobind::shape<-1, width>, nanobind::c_contig, nanobind::device::cpu>;
 template <int width>
 using IndexRows = nanobind::ndarray<const std::int32_t, nanobind::shape<-1, width>, nanobind::c_contig, nanobind::device::cpu>;
 
@@ -116,12 +119,30 @@ inline palpate::deformable::PatchWeights network_patches(const Indices& begin, c
   return p;
 }
 
+template <class Contact>
+concept has_tool = requires(Contact contact, const palpate::math::Vector3<>* places) { contact.place_tool(places); };
+
+/// Return the centers of a tool's tips less its position, (m, tips, 3), as rows; `n` steps.
+template <class Contact>
+std::vector<palpate::math::Vector3<>> tool_places(const Contact& contact, const Tensor& tool, std::size_t n) {
+  std::vector<palpate::math::Vector3<>> places;
+  if constexpr (has_tool<Contact>) {
+    if (contact.tool_tips() == 0 || tool.shape(0) != n || tool.shape(1) != static_cast<std::size_t>(contact.tool_tips()))
+      throw nanobind::value_error("the tool has one place for each position and contact point");
+    for (std::size_t k = 0; k < n * tool.shape(1); ++k)
+      places.emplace_back(Eigen::Map<const palpate::math::Vector3<>>(tool.data() + 3 * k));
+  }
+  return places;
+}
+
 /// Step a contact along a path; see "simulate_path".
 template <class Contact>
-auto step_path(Contact& contact, const Points& centers, const Points& outward, double radius, bool flat) {
+auto step_path(Contact& contact, const Points& centers, const Points& outward, double radius, bool flat,
+               const std::optional<Tensor>& tool = std::nullopt) {
   const std::size_t n = centers.shape(0);
   const bool faces = outward.shape(0) == 0 && !flat;
   if (outward.shape(0) != n && !faces) throw nanobind::value_error("the path needs one direction for each position");
+  const std::vector<palpate::math::Vector3<>> places = tool ? tool_places(contact, *tool, n) : std::vector<palpate::math::Vector3<>>();
   auto [rows, row] = new_array<double>({n, result_width});
   const nanobind::gil_scoped_release unlocked;
   palpate::deformable::Tip tip = tip_of(radius, flat, palpate::math::Vector3<>::Zero(), palpate::math::Vector3<>::UnitZ());
@@ -129,6 +150,8 @@ auto step_path(Contact& contact, const Points& centers, const Points& outward, d
     tip.center = Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * i);
     tip.outward =
         faces ? contact.outward(tip) : palpate::math::Vector3<>(Eigen::Map<const palpate::math::Vector3<>>(outward.data() + 3 * i));
+    if constexpr (has_tool<Contact>)
+      if (tool) contact.place_tool(places.data() + i * (places.size() / n));
     write_result(contact.step(tip), row);
   }
   return rows;
@@ -154,6 +177,10 @@ auto path_durations(Contact& contact, const Points& centers, const Points& outwa
 inline constexpr const char* path_text =
     "Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without "
     "directions, a sphere takes the mean normal of its contact nodes, or that of the nearest node.";
+inline constexpr const char* tool_path_text =
+    "Step along a path. Return rows of force (3), deflection (3), energy, nodes, touching, solved, friction (3), sliding, lost. Without "
+    "directions, a sphere takes the direction of the normal force, or the normal of the nearest node. `tool`: centers of the tips of a "
+    "tool less the position of the path (m, tips, 3), m; none: where they are.";
 inline constexpr const char* durations_text = "Return the duration of each step, s, including the clock's own.";
 
 }  // namespace body_arrays

@@ -224,10 +224,9 @@ void bind_signed_distance(nb::module_& m) {
           "the equal tips of a rigid tool less the center of a path (k, 3), m; none: one tip, or `tips` of `simulate_tips`.")
       .def(
           "simulate_path",
-          [](SignedDistanceCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
-            return step_path(*self.body, centers, outward, radius, flat);
-          },
-          "centers"_a, "outward"_a, "radius"_a, "flat"_a, path_text)
+          [](SignedDistanceCore& self, const Points& centers, const Points& outward, double radius, bool flat,
+             const std::optional<Tensor>& tool) { return step_path(*self.body, centers, outward, radius, flat, tool); },
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a, "tool"_a = nb::none(), tool_path_text)
       .def(
           "step_durations",
           [](SignedDistanceCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
@@ -276,6 +275,7 @@ void bind_multirate(nb::module_& m);
 
 void bind_body(nb::module_& m) {
   using palpate::deformable::Compliance, palpate::deformable::Modal, palpate::deformable::StandardLinearSolid;
+  using palpate::object::ToolMotion;
   nb::class_<BodyInLoop>(m, "DeformableBody", "Interface of deformable bodies to a servo loop.");
   nb::class_<SurfaceFrames>(m, "SurfaceFrames", "Thread that computes the displacements of a body's surface during a servo loop.")
       .def(
@@ -296,9 +296,35 @@ void bind_body(nb::module_& m) {
             return nb::make_tuple(frame.number, frame.tick, rows);
           },
           "Return the last frame: its number, the tick that it shows (-1: none yet), displacements of the nodes (n, 3), m.");
+  nb::class_<ToolMotion>(m, "ToolMotion", "Tips of a tool that turns, opens and closes, relative to the device's tip.")
+      .def(
+          "__init__",
+          [](ToolMotion* self, const Points& open, const Points& closed, const NumberRows<5>& rows) {
+            if (closed.shape(0) != open.shape(0)) throw nb::value_error("each contact point has an open and a closed place");
+            std::vector<ToolMotion::Row> motion;
+            for (const double* r = rows.data(); r != rows.data() + rows.size(); r += 5)
+              motion.push_back({r[0], {{r[1], r[2], r[3]}, r[4]}});
+            new (self) ToolMotion(points(open), points(closed), std::move(motion));
+          },
+          "open"_a, "closed"_a, "rows"_a,
+          "Places of the tips less the device's tip at the openings 1 and 0 (k, 3), m. Rows of increasing time, s; angles about x, then y, "
+          "then z of the device, rad; opening.")
+      .def(
+          "places",
+          [](const ToolMotion& self, const Numbers& times) {
+            auto [array, out] = new_array<double>({times.shape(0), self.tips(), 3});
+            std::vector<palpate::math::Vector3<>> centers(self.tips());
+            for (std::size_t i = 0; i < times.shape(0); ++i) {
+              self.place(self.pose(times.data()[i]), centers.data());
+              for (const palpate::math::Vector3<>& center : centers) out = std::copy_n(center.data(), 3, out);
+            }
+            return array;
+          },
+          "times"_a, "Return the centers of the tips less the device's tip at times (m,), s: (m, k, 3), m.");
   nb::class_<PlacedBody>(m, "PlacedBody", "A body, its pose in the device frame, and the tip that touches it.")
       .def(nb::init<const BodyInLoop&, const palpate::math::Vector3<>&, const Eigen::Matrix3d&, double, bool>(), "body"_a, "origin"_a,
-           "rotation"_a, "radius"_a, "flat"_a, nb::keep_alive<1, 2>());
+           "rotation"_a, "radius"_a, "flat"_a, nb::keep_alive<1, 2>())
+      .def("set_tool", &PlacedBody::set_tool, "motion"_a, "Move the contact points of the body's tool.");
   bind_kind<Compliance>(m, "ComplianceBody")
       .def(
           "__init__",

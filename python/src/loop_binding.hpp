@@ -316,6 +316,14 @@ void bind_loop(nb::module_& m, const char* name) {
               throw nb::value_error("the compliance of the held nodes is singular to rounding");
           },
           "roles"_a, "Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.")
+      .def(
+          "move_tool",
+          [](Stepped& self, const palpate::math::Vector3<>& angles, double opening) {
+            auto* instance = self.loop.servo().object().template get_if<palpate::object::BodyInstance>();
+            if (instance == nullptr || !instance->has_moving_tool()) throw nb::value_error("the object has no tool that moves");
+            instance->set_tool({angles, opening});
+          },
+          "angles"_a, "opening"_a, "Turn, open or close the tool from the next tick on, in place of its motion; see ToolMotion.")
       .def_prop_ro("angles", [](const Stepped& self) { return self.loop.angles(); })
       .def_prop_ro("speeds", [](const Stepped& self) { return self.loop.speeds(); })
       .def_prop_ro("time", [](const Stepped& self) { return self.loop.time(); })

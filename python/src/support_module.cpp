@@ -104,10 +104,9 @@ void bind_supports(nb::module_& m) {
           "poisson"_a, "sideways"_a = 1.0, "lanes"_a = 0, "contact_points"_a = nb::none(), "The same with contact by signed distance.")
       .def(
           "simulate_path",
-          [](SupportedCore& self, const Points& centers, const Points& outward, double radius, bool flat) {
-            return step_path(*self.body, centers, outward, radius, flat);
-          },
-          "centers"_a, "outward"_a, "radius"_a, "flat"_a, path_text)
+          [](SupportedCore& self, const Points& centers, const Points& outward, double radius, bool flat,
+             const std::optional<Tensor>& tool) { return step_path(*self.body, centers, outward, radius, flat, tool); },
+          "centers"_a, "outward"_a, "radius"_a, "flat"_a, "tool"_a = nb::none(), tool_path_text)
       .def(
           "step_durations",
           [](SupportedCore& self, const Points& centers, const Points& outward, double radius, bool flat) {

@@ -96,7 +96,7 @@ REFUSED: list[tuple[Callable[..., dict[str, Any]], dict[str, Any], str]] = [
     (tables, {"object": body(xyzzy="1 mm")},
      'unknown key "xyzzy" in [object.body]; there are shape, file, size, young, poisson, spacing, '
      "modes, contrast, depth, diameter, layer_thickness, layer_young, kind, contact, origin, "
-     "rotation, tip, radius, contact_points, stiffness_scale, held, supports, update_interval, "
+     "rotation, tip, radius, contact_points, tool, stiffness_scale, held, supports, update_interval, "
      "static_friction, dynamic_friction"),
     (tables, {"object": body(options=3)},
      "object.body.options: 3 is not a table"),
@@ -318,7 +318,7 @@ REFUSED: list[tuple[Callable[..., dict[str, Any]], dict[str, Any], str]] = [
      'object.coupling has no meaning for kind = "mesh"'),
     (tables, {"object": {**body(kind="signed_distance", contact_points=["1 mm"]), "frame": {"rotation": [["0 s",
      "0 deg", "0 deg", "0 deg"], ["1 s", "1 deg", "0 deg", "0 deg"]]}}},
-     "object.body.contact_points: a tool does not turn with a body that turns; remove frame.rotation"),
+     "object.body.contact_points: a tool does not go with a body that turns; remove frame.rotation"),
     (tables, {"object": {"kind": "none", "stiffness": None, "position": "1 mm"}},
      'object.position has no meaning for kind = "none"'),
     (tables, {"objects": {"a": {"stiffness": "1 N/mm"}}},

@@ -228,7 +228,7 @@ def test_a_tool_is_refused_where_it_has_no_meaning(block: Path) -> None:
             Scenario.from_dict(tables(block, **options))
     turning = tables(block)
     turning["object"]["frame"] = {"rotation": [["0 s", "0 deg", "0 deg", "0 deg"], ["1 s", "0 deg", "0 deg", "5 deg"]]}
-    with pytest.raises(ScenarioError, match="a tool does not turn"):
+    with pytest.raises(ScenarioError, match="a tool does not go with a body that turns"):
         Scenario.from_dict(turning)
 
 

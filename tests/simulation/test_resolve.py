@@ -25,6 +25,12 @@ from palpate.simulation.loop_config import with_checksum
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
+POINTS = [["-9 mm", "0 mm", "0 mm"], ["9 mm", "2 mm", "0 mm"]]
+MOVING = {
+    "rotation": [["0 s", "0 deg", "0 deg", "0 deg"], ["0.15 s", "1 deg", "-2 deg", "10 deg"]],
+    "closed_points": [["-6 mm", "0 mm", "0 mm"], ["6 mm", "0 mm", "0 mm"]],
+    "opening": [["50 ms", 1], ["0.1 s", 0.3]],
+}
 SHIPPED = sorted(path.stem for path in (ROOT / "scenarios").glob("*.toml"))
 LIBRARY = ("-DPALPATE_HYPERELASTIC=ON", "-DPALPATE_NATIVE_LANES=ON")
 
@@ -118,7 +124,8 @@ def press(block: Path, **body: Any) -> dict[str, Any]:
         ("mass_spring", {"rayleigh_beta": "2 ms", "hardening_strain": 0.1}),
         ("mass_spring", {"rayleigh_beta": "2 ms", "exponent": -6, "stiffness_limit": 8}),
         ("signed_distance", {"sideways_fraction": 0.7}),
-        ("signed_distance", {"contact_points": [["-9 mm", "0 mm", "0 mm"], ["9 mm", "2 mm", "0 mm"]]}),
+        ("signed_distance", {"contact_points": POINTS}),
+        ("signed_distance", {"contact_points": POINTS, "tool": MOVING}),
         ("modal", {"contact": "signed_distance", "rayleigh_beta": "1 ms"}),
         ("viscoelastic", {"contact": "signed_distance", "instantaneous_ratio": 2.0, "retardation_time": "50 ms"}),
     ],
@@ -129,7 +136,7 @@ def test_linear_bodies_run_alike(
     tables = press(block, kind=kind, tip=tip, **options, **friction)
     check(program, tables, tmp_path / "loop")
     rows = np.fromfile(tmp_path / "rows").reshape(201, -1)
-    assert rows[:, -7].max() >= 3  # contact nodes
+    assert rows[:, -7 - 3 * len(options.get("contact_points", ()))].max() >= 3  # contact nodes
 
 
 @pytest.mark.parametrize("tip", ["sphere", "flat"])

@@ -132,8 +132,9 @@ class Body(IndentableBody):
     def with_contact_points(self, points: ArrayLike) -> Self:
         """Return the same body, touched by a rigid tool of several equal tips in place of a single tip.
 
-        The tool translates and does not turn. Force and number of nodes are the sums over its tips, and the deflection
-        is their mean, weighted by their normal forces. The contact must be by signed distance.
+        The tool translates; in a scenario it may turn and open (`[object.body.tool]`). Force and number of nodes are
+        the sums over its tips, and the deflection is their mean, weighted by their normal forces. The contact must be
+        by signed distance.
 
         Args:
             points: centers of the 1 to 8 tips less the position of the tool, body frame (k, 3), m or text; none: a

@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from palpate.arrays import Array
+from palpate.checks import MAX_TIPS
 from palpate.fem import force_error
 from palpate.metrics.mesh_contact import LAST
+from palpate.scenario.tool_motion import ToolMotion
 from palpate.simulation.bodies import overlaps_fixed, resolves_tip
 from palpate.simulation.moving_frame import touching_tip, turned_to_object
 from palpate.simulation.trace import Trace
+from palpate.units import parse_quantity
 
 __all__ = ["FEW", "JND", "PalpationMetrics", "palpation_metrics", "stiffness_along_path", "work_so_far"]
 
@@ -43,7 +46,7 @@ class PalpationMetrics:
         path: length of the tip path in contact.
         path_stiffness_median, path_stiffness_max: force over deflection along the path, N/m (`stiffness_along_path`);
             None for a path under 10 mm.
-        work: work of the tip on the body (`work_so_far`).
+        work: work of the tip or the tips of a tool on the body (`work_so_far`).
         stored: kinetic and elastic energy of the body at the end, with the internal springs of a standard linear solid.
         saved: energy in the tank of the passive model switch at the end (large displacements).
         at_start: stored and saved energy at the first sample; above zero if the run begins in contact.
@@ -61,6 +64,7 @@ class PalpationMetrics:
         contact_lost: number of samples without contact inside the body, after the tip was pushed through.
         over_fixed: whether the tip overlaps a fixed or held part of the surface, at the deepest deflection or at one of
             200 other samples in contact. No force acts there, so the object force is too small.
+        final_tip_forces: magnitudes of the forces of a tool's tips, each the mean over the last 0.1 s; () for one tip.
     """
 
     touches: int
@@ -85,6 +89,7 @@ class PalpationMetrics:
     unsolved: int
     contact_lost: int
     over_fixed: bool = False
+    final_tip_forces: tuple[float, ...] = ()
 
     @property
     def settled(self) -> bool:
@@ -95,7 +100,7 @@ class PalpationMetrics:
         """Return the metrics for JSON, with the unit as suffix of each name."""
         units = {"deepest": "m", "path": "m", "final_deflection": "m", "stiffness": "N_per_m"}
         units |= dict.fromkeys(("path_stiffness_median", "path_stiffness_max"), "N_per_m")
-        units |= dict.fromkeys(("deepest_force", "final_force", "final_swing"), "N")
+        units |= dict.fromkeys(("deepest_force", "final_force", "final_swing", "final_tip_forces"), "N")
         units |= dict.fromkeys(("work", "stored", "saved", "at_start", "lost", "held"), "J")
         named = {f"{key}_{units[key]}" if key in units else key: value for key, value in asdict(self).items()}
         return {**named, "settled": self.settled}
@@ -138,7 +143,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         saved=tank,
         at_start=initial,
         lost=work + initial - final - tank,
-        held=work - float(np.sum(force[:-1] * move)) if every_tick else None,
+        held=work - _held_work(trace) if every_tick else None,
         final_deflection=float(np.mean(depth[last])),
         final_force=float(np.mean(magnitude[last])),
         final_swing=float(np.max(np.ptp(trace["object_force"][first:][last], axis=0))),
@@ -146,7 +151,16 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
         contact_lost=int(np.count_nonzero(trace["contact_lost"][first:] > 0.0)) if "contact_lost" in trace else 0,
         over_fixed=overlaps_fixed(trace, np.append(some, first + at)),
+        final_tip_forces=tuple(
+            float(np.mean(np.linalg.norm(trace[name][first:][last], axis=1))) for name in _tip_forces(trace)
+        ),
     )
+
+
+def _tip_forces(trace: Trace) -> list[str]:
+    """Return the names of the channels of the forces of a tool's tips."""
+    names = (f"point{number}_force" for number in range(1, MAX_TIPS + 1))
+    return [name for name in names if name in trace]
 
 
 def _mesh_error(trace: Trace, row: int, nodes: int) -> float | None:
@@ -161,17 +175,38 @@ def _mesh_error(trace: Trace, row: int, nodes: int) -> float | None:
 
 
 def work_so_far(trace: Trace) -> Array:
-    """Return the work of the tip on the body until each sample (n,), J.
+    """Return the work of the tip, or of all tips of a tool, on the body until each sample (n,), J.
 
     The force F is linear between samples: the work is the sum of (F_k + F_k-1) . (x_k - x_k-1) / 2. A model with states
     (`modal`, `viscoelastic`, `mass_spring`) holds the force F_k over the tick that ends at sample k. The work of a tick
     is then F_k . (x_k - x_k-1). For samples n ticks apart the later force then has the weight (1 + 1/n) / 2.
     """
-    force, tip = turned_to_object(trace, trace["object_force"]), touching_tip(trace)
     choice, run = trace.scenario.get("object", {}).get("body") or {}, trace.scenario.get("run", {})
     later = 0.5 + (0.5 / int(run.get("record_every", 1)) if choice.get("kind") in HOLDING else 0.0)
-    each = ((later * force[1:] + (1.0 - later) * force[:-1]) * np.diff(tip, axis=0)).sum(axis=1)
+    each = sum(
+        ((later * force[1:] + (1.0 - later) * force[:-1]) * np.diff(path, axis=0)).sum(axis=1)
+        for force, path in _forces_on_paths(trace)
+    )
     return np.concatenate([[0.0], np.cumsum(each)])
+
+
+def _held_work(trace: Trace) -> float:
+    """Return the work on the body if each force were held until the next sample, J."""
+    return float(sum(np.sum(force[:-1] * np.diff(path, axis=0)) for force, path in _forces_on_paths(trace)))
+
+
+def _forces_on_paths(trace: Trace) -> list[tuple[Array, Array]]:
+    """Return forces on the body (n, 3), N, and the paths of their points (n, 3), m, in the frame of the body.
+
+    They are those of the tip, or of each tip of a tool that moves about it: such a tool supplies work of its own.
+    """
+    tip, whole = touching_tip(trace), turned_to_object(trace, trace["object_force"])
+    choice = trace.scenario.get("object", {}).get("body") or {}
+    if choice.get("tool") is None:
+        return [(whole, tip)]
+    points = np.array([parse_quantity(point, "m", size=3) for point in choice["contact_points"]])
+    places = ToolMotion.model_validate(choice["tool"]).places(points, trace.time)
+    return [(trace[name], tip + places[:, k]) for k, name in enumerate(_tip_forces(trace))]
 
 
 def stiffness_along_path(trace: Trace) -> tuple[Array, Array]:

@@ -236,6 +236,8 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         f"presses the body in by {found.deepest * 1e3:.3g} mm with {at_depth}"
         f"{'' if at_depth == largest else f' (largest force {largest})'}, {_at_the_end(found, trace)} at the end"
     )
+    if found.final_tip_forces:
+        text += f", its tips with {', '.join(f'{force:.3g}' for force in found.final_tip_forces)} N"
     if found.mesh_error is not None:
         text += f"; the mesh adds an error of up to {100 * found.mesh_error:.0f} % to that force ({found.nodes} nodes)"
     if found.nodes < FEW:
@@ -245,7 +247,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         text += f"; the tip {OVERLAPS_FIXED}"
     if found.unsolved:
         text += f"; in {found.unsolved} samples the contact force was not found"
-        text += ": too many nodes lie under the tip, it inverts tetrahedra, or it moves too fast"
+        text += ": too many nodes lie under the tip, it inverts tetrahedra, it moves too fast, or the contact has not converged"
     if found.contact_lost:
         text += f"; in {found.contact_lost} samples the contact was lost: the tip was pushed through the body"
     began = float(np.linalg.norm(trace["deflection"][0])) if trace["touching"][0, 0] else 0.0

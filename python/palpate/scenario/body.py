@@ -34,6 +34,7 @@ from palpate.scenario.fields import (
     Whole,
     must,
 )
+from palpate.scenario.tool_motion import ToolMotion
 from palpate.units import parse_quantity, write
 
 
@@ -145,8 +146,9 @@ class BodyChoice(Section):
             None: they do not change.
         tip: "sphere", or "flat" for the end of a rod along the body's z axis.
         radius: of the tip, m.
-        contact_points: of a rigid tool that does not turn: centers of its equal tips less the device's tip, device
-            frame, m, 8 at most. None: the device's tip touches the body itself. Contact by signed distance only.
+        contact_points: of a tool: centers of its equal tips less the device's tip, device frame, m, 8 at most. None:
+            the device's tip touches the body itself. Contact by signed distance only.
+        tool: motion of the contact points, of a tool that turns or a gripper; None: they move with the tip.
     """
 
     shape: Literal["file", "block", "phantom"] = "file"
@@ -170,6 +172,7 @@ class BodyChoice(Section):
     tip: Literal["sphere", "flat"] = "sphere"
     radius: Length = Field(examples=['"8 mm"'])
     contact_points: tuple[Position3, ...] = ()
+    tool: ToolMotion | None = None
     stiffness_scale: Annotated[Number, POSITIVE] = 1.0
     held: Annotated[tuple[str, ...], BeforeValidator(_listed)] = ()
     supports: tuple[SupportChoice, ...] | None = None
@@ -252,6 +255,11 @@ class BodyChoice(Section):
                 )
             if mistake := tool_mistake(self.contact_points):
                 raise ValueError(f"contact_points: {mistake}")
+        if self.tool is not None:
+            try:
+                self.tool.check(self.contact_points)
+            except ValueError as mistake:
+                raise ValueError(f"tool: {mistake}") from None
         for key, option in KINDS[self.kind].items():
             if option.needed and key not in self.options:
                 example = f'"20 {option.unit}"' if option.unit else "2.0"

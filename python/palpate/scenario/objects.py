@@ -96,7 +96,7 @@ class Object(Section):
             if self.kind != kind and getattr(self, key) is not None:
                 raise ValueError(f'{key} belongs to kind = "{kind}"')
         if self.body is not None and self.body.contact_points and self.frame is not None and self.frame.rotation:
-            raise ValueError("body.contact_points: a tool does not turn with a body that turns; remove frame.rotation")
+            raise ValueError("body.contact_points: a tool does not go with a body that turns; remove frame.rotation")
         if self.texture is not None and self.normal is not None:
             self.texture.direction(self.normal)
         return self

@@ -24,6 +24,7 @@ from palpate.scenario.body import BodyChoice
 from palpate.simulation.moving_frame import touching_tip
 from palpate.simulation.recorded import Recorded
 from palpate.simulation.support_phase import support_phase
+from palpate.simulation.tool_motion import step_body, tick_times, tool_in_body
 
 if TYPE_CHECKING:
     from palpate.fem import Body
@@ -58,7 +59,7 @@ def pressed_at(trace: Recorded, row: int) -> Pressed:
         every = scenario.run.record_every
         way = way[-(-np.arange((len(way) - 1) * every + 1) // every)]
     axes = np.tile([0.0, 0.0, 1.0], (len(way), 1)) if choice.tip == "flat" else np.empty((0, 3))
-    body.core.simulate_path(np.ascontiguousarray(way), axes, choice.radius, choice.tip == "flat")
+    step_body(body.core, np.ascontiguousarray(way), axes, choice, tick_times(scenario, trace.time[: len(way)]))
     return Pressed(body, way[-1], body.displacement(), body.pressure())
 
 
@@ -71,7 +72,7 @@ def resolves_tip(trace: Recorded, row: int) -> bool:
         return False
     scenario, choice, body = found
     tip = _tip_in_body(trace, scenario, body)[row]
-    centers = tip + _tool_in_body(choice)
+    centers = tip + tool_in_body(choice, trace.time[[row]])[0]
     return body.record.get("order") == 2 and not any(
         unresolved(body.nodes, center, choice.radius, choice.tip) for center in centers
     )
@@ -86,7 +87,8 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
         return False
     scenario, choice, body = found
     axis = np.array([0.0, 0.0, 1.0]) if choice.tip == "flat" else None
-    centers = _tip_in_body(trace, scenario, body)[rows][:, None] + _tool_in_body(choice)
+    times = tick_times(scenario, trace.time[rows])
+    centers = _tip_in_body(trace, scenario, body)[rows][:, None] + tool_in_body(choice, times)
     phase = support_phase(scenario, trace.time[rows])
     for number in np.unique(phase):
         still = body if body.kind.supports is None else body.in_phase(int(number))
@@ -134,12 +136,6 @@ def _tip_in_body(trace: Recorded, scenario: Scenario, body: Body) -> Array:
     return np.asarray((touching_tip(trace) - anchor) @ turn + origin_of(choice, body))
 
 
-def _tool_in_body(choice: BodyChoice) -> Array:
-    """Return the centers of the tool's tips less the device's tip in the frame of the body (k, 3), m; one tip: zero."""
-    turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
-    return np.asarray(np.array(choice.contact_points or ((0.0, 0.0, 0.0),)) @ turn)
-
-
 def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:
     """Return the body of an object of kind "body" for the core, with its origin at `origin` (3,), m, and its tip.
 
@@ -149,7 +145,10 @@ def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:
     choice = scenario.object.body
     assert choice is not None
     body, at, turn = place_body(scenario, origin)
-    return _core.PlacedBody(body.core, at, turn, choice.radius, choice.tip == "flat")
+    placed = _core.PlacedBody(body.core, at, turn, choice.radius, choice.tip == "flat")
+    if choice.tool is not None:
+        placed.set_tool(choice.tool.core(choice.contact_points))
+    return placed
 
 
 def place_body(scenario: Scenario, origin: Array) -> tuple[Body, Array, Array]:
@@ -182,7 +181,7 @@ def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
     start = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
     beside = 0.5 * float(np.sqrt(body.contents.areas.max())) if choice.tip == "flat" else 0.0
-    for tip in start + _tool_in_body(choice):
+    for tip in start + tool_in_body(choice)[0]:
         if not body.contains(tip):
             continue
         deep = float(np.linalg.norm(body.surface.nearest(tip)[0] - tip))
@@ -213,7 +212,7 @@ def scenario_body(scenario: Scenario, tell: Tell | None = None) -> Body:
         chosen = {} if choice.contact is None else {"contact": choice.contact}
         options = tuple(sorted({**choice.options, **chosen}.items()))
         supported = (_state(path), choice.held)
-        tool = tuple(map(tuple, _tool_in_body(choice).tolist())) if choice.contact_points else ()
+        tool = tuple(map(tuple, tool_in_body(choice)[0].tolist())) if choice.contact_points else ()
         body = _of_kind(supported, choice.stiffness_scale, choice.kind, options, scenario.period, tool)
         return body if choice.supports is None else _changing(body, support_changes(choice), scenario.period)
     except PalpateError as problem:

@@ -9,6 +9,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.scenario import Scenario
 from palpate.simulation.recorded import Recorded, held_tip
+from palpate.simulation.tool_motion import tool_poses
 from palpate.simulation.windows import Window
 
 __all__ = ["EnergyBalance", "energy_balance", "frame_channels"]
@@ -43,12 +44,14 @@ class EnergyBalance:
 def energy_balance(trace: Recorded, scenario: Scenario, window: Window) -> EnergyBalance | None:
     """Return the energies of a run that records every tick; None where other sources than the operator supply energy.
 
-    These are the motors under force tracking, which supply energy by design, and an object that moves by itself.
+    These are the motors under force tracking, which supply energy by design, and moving objects or tools.
     """
     fifth, end = window.fifth, window.end
     if scenario.servo.topology != "impedance_display" or scenario.run.record_every > 1 or fifth < 2:
         return None
     if any(np.ptp(trace[name], axis=0).any() for name in frame_channels(scenario) if name in trace):
+        return None
+    if np.ptp(tool_poses(scenario, trace.time), axis=0).any():
         return None
     force, tip = trace["operator_force"], held_tip(trace)
     power = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0), axis=1)

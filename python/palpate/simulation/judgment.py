@@ -15,6 +15,7 @@ from palpate.simulation.evidence import evidence, interruption, is_one_sided, mo
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, held_tip, of_each_object, recorded_scenario
 from palpate.simulation.support_phase import last_change
+from palpate.simulation.tool_motion import tool_poses
 from palpate.simulation.verdict import (
     BAND,
     BEFORE,
@@ -199,7 +200,9 @@ def _explained(
             reason += f"; {hold}"
     else:
         moves = scenario is not None and window.constant and moved_until(trace, scenario) > window.ending.start
-        moving = "the object moves until the end: hold it at rest for the last fifth of the run"
+        tools = scenario is not None and bool(tool_poses(scenario, time[[-1]]).size)
+        what = "tool" if tools else "object"
+        moving = f"the {what} moves until the end: hold it at rest for the last fifth of the run"
         reason = moving if moves else _undecided(time, e, swing, "tool" in trace)
         if not window.constant and (supports := _unsupported(trace, scenario)) is not None:
             reason = supports

@@ -75,6 +75,8 @@ def _body_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str
         return None, "the controller divides by the stiffness of the body, which is not linear in its motion"
     if scenario.object.body is not None and scenario.object.body.supports and scenario.run.record_every > 1:
         return None, "the supports of the body change, and not every tick is recorded"
+    if scenario.object.body is not None and scenario.object.body.tool is not None and scenario.run.record_every > 1:
+        return None, "the tool moves, and not every tick is recorded"
     held = HeldTip(scenario, trace["tip"] - trace["tip"][0])
     if held.multirate:
         return None, "the model of the body is updated outside the tick; use palpate certify"

@@ -92,6 +92,7 @@ class Loop:
         self._references: list[Array] = []
         self._last: Sample | None = None
         self._unstable_tick = -1
+        self._moved = -1  # last sample for which the tool was moved
         self._lateness = np.zeros(0)
 
     @property
@@ -255,6 +256,44 @@ class Loop:
         changed = scenario.object.model_copy(update={"body": choice.model_copy(update={"supports": supports})})
         self._simulation = replace(self._simulation, scenario=scenario.model_copy(update={"object": changed}))
 
+    def move_tool(self, rotation: ArrayLike = (0.0, 0.0, 0.0), opening: float = 1.0) -> None:
+        """Turn the tool about the device's tip, and open or close it, from the next sample on.
+
+        The trace, its verdict and a resolved loop count the motion as one of the scenario. Between samples without a
+        call the tool rests.
+
+        Args:
+            rotation: angles about x, then y, then z of the device (3,), rad.
+            opening: 1 for the body's `contact_points`, 0 for the tool's `closed_points`.
+
+        Raises:
+            ScenarioError: the object is no body at rest with a table [object.body.tool] (an empty table permits
+                motions), the scenario moves the tool later or at this sample, or a number is out of range.
+        """
+        scenario, at = self.scenario, self.count * self.period
+        choice = scenario.object.body
+        if choice is None or choice.tool is None or scenario.object.frame is not None:
+            raise scenario.mistake(
+                "object.body.tool", "a loop moves the tool of a body at rest with that table, which may be empty"
+            )
+        pose = np.array([*_vector(rotation, "rotation", "rad"), opening], dtype=float)
+        if not 0.0 <= opening <= 1.0 or (opening < 1.0 and not choice.tool.closed_points):
+            known = "from 0 to 1" if choice.tool.closed_points else "1 without closed_points"
+            raise scenario.mistake("object.body.tool", f"the opening is {known}, not {opening:g}")
+        rows, half = choice.tool.rows(), 0.5 * self.period
+        if self._moved < 0 and len(rows) > 1 and rows[-1, 0] > at - half:
+            raise scenario.mistake(
+                "object.body.tool", f"a motion at {at:g} s comes before that at {rows[-1, 0]:g} s of the scenario"
+            )
+        self._core.move_tool(pose[:3], pose[3])
+        rows = rows[rows[:, 0] < at - half]
+        if len(rows) and rows[-1, 0] < at - 3.0 * half:  # at rest until the last sample
+            rows = np.vstack([rows, [at - self.period, *rows[-1, 1:]]])
+        self._moved = self.count
+        changed = choice.model_copy(update={"tool": choice.tool.following(np.vstack([rows, [at, *pose]]))})
+        touched = scenario.object.model_copy(update={"body": changed})
+        self._simulation = replace(self._simulation, scenario=scenario.model_copy(update={"object": touched}))
+
     def _step(self, force: ArrayLike | None, reference: ArrayLike | None) -> tuple[Array, Array]:
         """Return the core's row of this sample, and the reference force (3,), N."""
         if self.diverged:
@@ -307,10 +346,14 @@ class Loop:
 
 def as_force(value: ArrayLike, name: str) -> Array:
     """Return a force (3,), N. Raise ScenarioError, naming it, for any other value."""
+    return _vector(value, name, "N")
+
+
+def _vector(value: ArrayLike, name: str, unit: str) -> Array:
     try:
-        force = np.asarray(value, dtype=float)
+        vector = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
-        raise ScenarioError(f"{name}: three numbers, N, not {value!r}") from None
-    if force.shape != (3,) or not np.isfinite(force).all():
-        raise ScenarioError(f"{name}: three finite numbers, N, not {force.tolist()}")
-    return force
+        raise ScenarioError(f"{name}: three numbers, {unit}, not {value!r}") from None
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise ScenarioError(f"{name}: three finite numbers, {unit}, not {vector.tolist()}")
+    return vector

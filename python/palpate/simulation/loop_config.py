@@ -23,6 +23,7 @@ from palpate.files import as_path, read_utf8, write_folder
 from palpate.files.json_text import load_table
 from palpate.files.output import Writer
 from palpate.scenario import Scenario
+from palpate.scenario.body import BodyChoice
 from palpate.scenario.tool import Tool
 from palpate.simulation.bodies import place_body
 from palpate.simulation.guards import guard_numbers
@@ -308,10 +309,23 @@ def _body(placed: PlacedObject, blobs: _Blobs) -> dict[str, Any]:
             "rotation": _list(rotation),
             "tip": choice.tip,
             "radius": choice.radius,
+            **_tool(choice, blobs),
         },
         **data.parameters,
         **{name: blobs.write(name, array, dtypes[name]) for name, array in data.arrays.items()},
     }
+
+
+def _tool(choice: BodyChoice, blobs: _Blobs) -> dict[str, Any]:
+    """Return the motion of a body's tool; {} if it moves with the tip."""
+    if choice.tool is None:
+        return {}
+    places: dict[str, ArrayLike] = {
+        "open": choice.contact_points,
+        "closed": choice.tool.closed_points or choice.contact_points,
+        "motion": choice.tool.rows(),
+    }
+    return {"tool": {name: blobs.write(f"tool_{name}", array) for name, array in places.items()}}
 
 
 def _order(order: int, name: str) -> int:

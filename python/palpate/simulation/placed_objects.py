@@ -56,7 +56,9 @@ class PlacedObject:
         """Channels of the object's kind, with their numbers of columns."""
         touched = self.scenario.object
         kind = touched.kind if touched.field is None else touched.field.kind
-        return {"mesh": MESH, "body": BODY, **CHANNELS_OF}.get(kind, {})
+        points = 0 if touched.body is None else len(touched.body.contact_points)
+        forces = {f"point{number}_force": 3 for number in range(1, points + 1)}
+        return {"mesh": MESH, "body": BODY | forces, **CHANNELS_OF}.get(kind, {})
 
     @property
     def place(self) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.arrays import Array
+from palpate.checks import MAX_TIPS
 from palpate.errors import OutputError, PalpateError
 from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
 from palpate.files.hdf5_output import write_hdf5
@@ -69,6 +70,7 @@ CHANNELS: Final[dict[str, tuple[str, str]]] = {
     "contact_nodes": ("", "number of nodes of the body in contact"),
     "solved": ("", "1; 0 if the contact force was not found, as with too many nodes under the tip"),
     "contact_moment": ("N*m", "moment about the tip of the force of the tip on the object, per axis"),
+    **{f"point{k}_force": ("N", f"force of tip {k} of the tool on the object") for k in range(1, MAX_TIPS + 1)},
     "contact_lost": ("", "1 while the tip is inside the body without contact: it began there or was pushed through"),
     "triangle": ("", "index of the triangle in contact, -1 without contact"),
     "frame_position": ("m", "origin of the frame of a moving object"),

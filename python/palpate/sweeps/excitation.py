@@ -57,6 +57,10 @@ def excited(simulation: Simulation) -> tuple[Simulation, Excitation]:
         raise SweepError(
             "object.body.supports: a sweep judges cells under constant supports; write held, or run the scenario itself"
         )
+    if any(one.object.body is not None and one.object.body.tool is not None for one in scenario.each_object.values()):
+        raise SweepError(
+            "object.body.tool: a sweep judges cells under a tool at rest; remove it, or run the scenario itself"
+        )
     if not forces.any():
         displaced = any(any(one.object.position) for one in scenario.each_object.values())
         displaced = displaced or any(scenario.operator.rest)

@@ -68,6 +68,15 @@ class DeformableObject {
   /// This body, if its supports can change while a loop runs (see supported_body.hpp); otherwise null.
   [[nodiscard]] virtual BodyWithSupports* with_supports() noexcept { return nullptr; }
 
+  /// Number of tips of a tool that touches the body; 0: a single tip.
+  [[nodiscard]] virtual int tool_tips() const noexcept { return 0; }
+
+  /// Place the tips of the tool for the steps from now on: their centers less the position of the tool, body frame, m; tool_tips() entries.
+  virtual void place_tool(const Vector3<>* /*centers*/) noexcept {}
+
+  /// Force of the body on a tip of the tool at the last step, body frame, N.
+  [[nodiscard]] virtual Vector3<> tool_force(int /*tip*/) const noexcept { return Vector3<>::Zero(); }
+
   /// Set the buffer that receives the deformation after each model update; null to stop. One loop at a time.
   virtual void set_observer(LatestValue<DeformationFrame>* /*observer*/) noexcept {}
 };

@@ -3,11 +3,11 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
 #include <concepts>
 #include <utility>
 #include <vector>
 
+#include "palpate/math/rotation.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/object/contact_object.hpp"
 
@@ -48,14 +48,7 @@ class FrameMotion {
 
  private:
   [[nodiscard]] Pose pose_of(const Vector3<>& displacement, const Vector3<>& angles) const noexcept {
-    const double cx = std::cos(angles[0]), sx = std::sin(angles[0]);
-    const double cy = std::cos(angles[1]), sy = std::sin(angles[1]);
-    const double cz = std::cos(angles[2]), sz = std::sin(angles[2]);
-    Pose out{origin_ + displacement, Eigen::Matrix3d::Identity()};
-    out.rotation << cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx,  //
-        sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx,              //
-        -sy, cy * sx, cy * cx;
-    return out;
+    return {origin_ + displacement, math::rotation_xyz(angles)};
   }
 
   Vector3<> origin_ = Vector3<>::Zero();

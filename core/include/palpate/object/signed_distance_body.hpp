@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -85,6 +86,7 @@ class SignedDistanceBody : public DeformableObject {
 
   explicit SignedDistanceBody(std::shared_ptr<const Data> data)
       : data_(std::move(data)),
+        points_(data_->contact_points),
         contact_(data_->nodes, data_->compliance, data_->patches, data_->friction, data_->motion ? data_->motion->clone_at_rest() : nullptr,
                  data_->tips) {}
 
@@ -92,11 +94,10 @@ class SignedDistanceBody : public DeformableObject {
 
   /// Advance by one period with a tip of any shape, centered at `center` [m].
   virtual const deformable::ContactResult& step(const deformable::TipGeometry& tip, const Vector3<>& center) noexcept {
-    const std::vector<Vector3<>>& points = data_->contact_points;
-    if (points.empty()) {
+    if (points_.empty()) {
       contact_.step(tip, center);
     } else {
-      for (std::size_t t = 0; t < points.size(); ++t) tool_[t] = {tip, center + points[t]};
+      for (std::size_t t = 0; t < points_.size(); ++t) tool_[t] = {tip, center + points_[t]};
       contact_.step(tool_.data());
       sum_of_tool_ = sum_tool();
     }
@@ -113,15 +114,18 @@ class SignedDistanceBody : public DeformableObject {
     return flat ? deformable::TipGeometry::cylinder(tip.radius, data_->rim, tip.outward) : deformable::TipGeometry::sphere(tip.radius);
   }
 
+  [[nodiscard]] int tool_tips() const noexcept override { return static_cast<int>(points_.size()); }
+  void place_tool(const Vector3<>* centers) noexcept override { std::copy_n(centers, points_.size(), points_.begin()); }
+  [[nodiscard]] Vector3<> tool_force(int tip) const noexcept override { return contact_.last(tip).force; }
+
   void reset() noexcept {
     contact_.reset();
+    points_ = data_->contact_points;
     sum_of_tool_ = {};
   }
 
   /// Result of the last step: of the tip, or of the whole tool.
-  [[nodiscard]] const deformable::ContactResult& last() const noexcept override {
-    return data_->contact_points.empty() ? contact_.last() : sum_of_tool_;
-  }
+  [[nodiscard]] const deformable::ContactResult& last() const noexcept override { return points_.empty() ? contact_.last() : sum_of_tool_; }
   [[nodiscard]] const std::int32_t* contact_nodes() const noexcept override { return contact_nodes_.data(); }
   [[nodiscard]] Vector3<> node_force(int k) const noexcept override { return contact_.node_force(k); }
   [[nodiscard]] const deformable::SurfaceNodes& nodes() const noexcept { return data_->nodes; }
@@ -138,6 +142,8 @@ class SignedDistanceBody : public DeformableObject {
   [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override { return std::make_unique<SignedDistanceBody>(data_); }
 
  protected:
+  /// Place the tips of the tool where those of another body are.
+  void take_tool(const SignedDistanceBody& other) noexcept { place_tool(other.points_.data()); }
   [[nodiscard]] deformable::SignedDistanceContact& contact_of_tips() noexcept { return contact_; }
 
  private:
@@ -151,13 +157,13 @@ class SignedDistanceBody : public DeformableObject {
     Vector3<> pressed = Vector3<>::Zero();
     double total = 0.0;
     bool sticks = false;
-    for (std::size_t t = 0; t < data_->contact_points.size(); ++t) {
+    for (std::size_t t = 0; t < points_.size(); ++t) {
       const deformable::ContactResult& one = contact_.last(static_cast<int>(t));
       const Vector3<> normal = one.force - one.friction;
       const double size = normal.norm();
       sum.force += one.force;
       sum.friction += one.friction;
-      sum.moment += one.moment + data_->contact_points[t].cross(one.force);
+      sum.moment += one.moment + points_[t].cross(one.force);
       sum.deflection += size * one.deflection;
       sum.nodes += one.nodes;
       sum.touching = sum.touching || one.touching;
@@ -174,6 +180,7 @@ class SignedDistanceBody : public DeformableObject {
   }
 
   std::shared_ptr<const Data> data_;
+  std::vector<Vector3<>> points_;  // of a tool, as it is now
   deformable::SignedDistanceContact contact_;
   std::array<deformable::SignedDistanceContact::PlacedTip, static_cast<std::size_t>(deformable::SignedDistanceContact::max_tips)> tool_{};
   deformable::ContactResult sum_of_tool_;

@@ -64,6 +64,9 @@ class NormalContactPhase {
   [[nodiscard]] Vector3<> node_load(int k) const noexcept { return node_force(k); }
   [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept { return contact_.outward(tip); }
   void reset() noexcept { contact_.reset(); }
+  [[nodiscard]] int tool_tips() const noexcept { return 0; }
+  void place_tool(const Vector3<>* /*centers*/) noexcept {}
+  [[nodiscard]] Vector3<> tool_force(int /*tip*/) const noexcept { return Vector3<>::Zero(); }
 
   void take_over(const NormalContactPhase& before) noexcept {
     const std::vector<std::int32_t>& touched = phase().touched();
@@ -122,6 +125,7 @@ class SignedDistancePhase final : public SignedDistanceBody {
   void take_over(const SignedDistancePhase& before) noexcept {
     const std::vector<std::int32_t>& touched = before.phase().touched();
     offset_.start_over();
+    take_tool(before);
     contact_of_tips().take_over(before.contact(),
                                 [&](std::int32_t node) { return phase().local(touched[static_cast<std::size_t>(node)]); });
   }

@@ -104,6 +104,9 @@ class SupportedBody final : public BodyWithSupports {
   [[nodiscard]] Vector3<> node_force(int k) const noexcept override { return current_->node_force(k); }
   [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept override { return current_->outward(tip); }
   [[nodiscard]] int contact_count() const noexcept override { return current_->contact_count(); }
+  [[nodiscard]] int tool_tips() const noexcept override { return current_->tool_tips(); }
+  void place_tool(const Vector3<>* centers) noexcept override { current_->place_tool(centers); }
+  [[nodiscard]] Vector3<> tool_force(int tip) const noexcept override { return current_->tool_force(tip); }
 
   [[nodiscard]] std::unique_ptr<DeformableObject> clone_at_rest() const override {
     return std::unique_ptr<DeformableObject>(new SupportedBody(plan_));

@@ -28,6 +28,7 @@
 #include "palpate/object/signed_distance_body.hpp"
 #include "palpate/object/spring_wall.hpp"
 #include "palpate/object/supported_body.hpp"
+#include "palpate/object/tool_motion.hpp"
 #include "palpate/servo/config_force_objects.hpp"
 #include "palpate/servo/config_reader.hpp"
 #if defined(PALPATE_HYPERELASTIC)
@@ -438,6 +439,18 @@ template <class Phase>
   return own<deformable::Modal>(reader, from, std::move(nodes), make, period, friction, full.data());
 }
 
+/// Read the motion of a tool of so many tips.
+[[nodiscard]] inline object::ToolMotion read_tool(const Section& from, int tips) {
+  std::vector<Vector3<>> open = from.points("open", tips), closed = from.points("closed", tips);
+  const std::vector<double> flat = from.blob<double>("motion", -1, 5);
+  std::vector<object::ToolMotion::Row> rows;
+  for (std::size_t i = 0; i + 5 <= flat.size(); i += 5) rows.push_back({flat[i], {{flat[i + 1], flat[i + 2], flat[i + 3]}, flat[i + 4]}});
+  const auto later = [](const object::ToolMotion::Row& a, const object::ToolMotion::Row& b) { return a.time >= b.time; };
+  if (std::adjacent_find(rows.begin(), rows.end(), later) != rows.end()) from.fail("motion", "has times that do not increase");
+  if (tips == 0) from.fail("open", "are of a tool, but the body has no contact_points");
+  return {std::move(open), std::move(closed), std::move(rows)};
+}
+
 [[nodiscard]] inline object::AnyObject read_placed_body(ConfigReader& reader, const Section& from) {
   object::BodyPlacement placement;
   const Section pose = from.section("placement");
@@ -448,6 +461,8 @@ template <class Phase>
   placement.radius = pose.number("radius", 1e-9, 1e3);
   placement.body = read_body(reader, from);
   if (!reader.ok() || !placement.body) return {};
+  if (pose.has("tool")) placement.tool = read_tool(pose.section("tool"), placement.body->tool_tips());
+  if (!reader.ok()) return {};
   return object::BodyInstance(std::move(placement));
 }
 

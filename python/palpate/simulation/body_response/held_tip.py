@@ -13,6 +13,8 @@ from palpate.scenario import Scenario
 from palpate.scenario.body import LARGE
 from palpate.simulation.bodies import origin_of, scenario_body
 from palpate.simulation.support_phase import support_phase
+from palpate.simulation.tool_motion import last_motion, step_body
+from palpate.simulation.verdict import SHARE
 
 __all__ = ["HeldTip"]
 
@@ -75,6 +77,10 @@ class HeldTip:
                 "a linear analysis keeps the supports of the body, and they change later, at "
                 f"{choice.supports[-1].at:g} s; analyze a sample after the last change"
             )
+        if (end := last_motion(choice)) > scenario.period * (len(path) - 0.5):
+            raise StabilityError(
+                f"a linear analysis holds the tool still, and it moves until {end:g} s; analyze a sample after that"
+            )
         body = scenario_body(scenario)
         if isinstance(body.core, _core.MultirateBody):
             raise StabilityError(
@@ -93,7 +99,9 @@ class HeldTip:
         self.friction = body.kind.friction[0] > 0.0
         self.holds_across = self.friction or len(choice.contact_points) > 1
         every_tick = self.friction or self.multirate or self._by_distance or choice.supports is not None
-        self._step(positions if every_tick else _thin(positions, choice.radius))
+        kept = positions if every_tick else _thin(positions, choice.radius)
+        rows = step_body(self.core, kept, self._axes(kept), choice, scenario.period * np.arange(len(kept), dtype=float))
+        self._check(rows, SHARE)
         self._position = positions[-1]
         if equilibrium and isinstance(self.core, _core.HyperelasticBody):
             self._equilibrate(self.core)
@@ -150,15 +158,21 @@ class HeldTip:
                 return
 
     def _step(self, positions: Array) -> Array:
-        axes = np.tile([0.0, 0.0, 1.0], (len(positions), 1)) if self._flat else np.empty((0, 3))
-        rows = self.core.simulate_path(np.ascontiguousarray(positions), axes, self.radius, self._flat)
-        if not np.asarray(rows)[:, SOLVED].all():
+        path = np.ascontiguousarray(positions)
+        return self._check(np.asarray(self.core.simulate_path(path, self._axes(path), self.radius, self._flat)))
+
+    def _axes(self, positions: Array) -> Array:
+        return np.tile([0.0, 0.0, 1.0], (len(positions), 1)) if self._flat else np.empty((0, 3))
+
+    def _check(self, rows: Array, share: float = 0.0) -> Array:
+        """Return rows of the core, and count their ticks; raise StabilityError if more than a share has no force."""
+        if np.mean(rows[:, SOLVED] == 0.0) > share:
             raise StabilityError(
                 "the contact of the body is not solved in each tick, or too many nodes lie under the tip; use a "
                 "smaller tip or depth, or a coarser mesh"
             )
-        self.ticks += len(positions)
-        return np.asarray(rows, dtype=float)
+        self.ticks += len(rows)
+        return rows
 
 
 def contact_frame(normal: Array) -> Array:

@@ -313,7 +313,7 @@ class Body(IndentableBody):
         See `palpate.fem.spring_network` for the springs and their accuracy. The model is correct for large rotations
         and stable at any period. Damping is as in `modal`, where `rayleigh_beta` is that of shear. Half a period is
         added to it (see docs/theory/deformable-models.md). The tip also moves nodes sideways. At two rates the model
-        advances in steps of at most 1 ms and has no friction.
+        advances in steps of at most 1 ms, and friction has the static compliance of the springs along the surface.
 
         The force of a spring of stiffness k and rest length l0 at the strain e is k l0 e, unless one of these is given:
 
@@ -326,7 +326,7 @@ class Body(IndentableBody):
 
         Raises:
             BodyError: a number is out of range, both laws are given, the model needs more than 4 GB, or a body at two
-                rates has friction or nonlinear springs.
+                rates has nonlinear springs.
         """
         options = {
             "period": tick_period(period),
@@ -345,16 +345,13 @@ class Body(IndentableBody):
         arguments: list[Any] = [*self._arrays()[:3], *self._network_arrays().values()]
         static, dynamic = body.kind.friction
         if update:
-            if static > 0.0:
-                raise BodyError(
-                    "static_friction: a mass-spring body at two rates has no friction; leave out update_interval or "
-                    "the friction"
-                )
             if "stiffness_limit" in options:
                 raise BodyError(
                     "update_interval: its local models have linear springs; leave it out, or the law of the springs"
                 )
-            body.core = _core.MultirateBody.mass_spring(*arguments, *options.values(), *body.update_ticks)
+            compliance = body._network_compliance() if static > 0.0 else np.empty((0, 0), dtype=np.float32)
+            make = _core.MultirateBody.mass_spring
+            body.core = make(*arguments, compliance, *options.values(), static, dynamic, *body.update_ticks)
             return body
         body.settling_period, body.ramp_time = options["period"], 0.25
         keywords: dict[str, Any] = {**options, "static_friction": static, "dynamic_friction": dynamic}

@@ -20,6 +20,7 @@ from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
 from palpate.fem.errors import BodyError
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
+from palpate.fem.multifrontal import MultifrontalSolver
 from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches, given_network
 from palpate.fem.storage import BodyData, read, write
 from palpate.fem.support_changes import HELD
@@ -362,6 +363,17 @@ class CondensedBody:
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         nodes, triangles = self._volume_triangles()
         return contact_patches(self.contents.vertices, triangles, nodes)
+
+    def _network_compliance(self) -> Single:
+        """Return the static compliance of the contact nodes by the springs and volumes near rest (3n, 3n), m/N."""
+        if self.is_network:
+            return np.ascontiguousarray(self.compliance)
+        network, free = self.spring_network, np.flatnonzero(~self.contents.dirichlet)
+        begin, vertices, weights = self._patches()
+        loads = sparse.csr_matrix((weights, vertices, begin), shape=(len(self.nodes), len(network.points))).T
+        rows = (3 * free[:, None] + np.arange(3)).ravel()
+        stiffness = network.matrix[rows][:, rows]
+        return MultifrontalSolver(stiffness, loads.tocsr()[free], network.points[free]).compliance()
 
     def _network_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the masses, springs, volumes and patches of the mass-spring model, in the order of the core."""

@@ -148,7 +148,6 @@ template <class Model, class Make>
     if (!from.has("update_interval")) return own(std::move(nodes), model, friction);
   }
   const auto interval = static_cast<int>(from.integer("update_interval", 1, 1'000'000));
-  if (friction && full == nullptr) from.fail("update_interval", "does not go with friction");
   if (!reader.ok()) return nullptr;
   const auto owner = std::make_shared<const OwningMultirateBody<Model>>(std::move(nodes), make, period, interval, friction, full);
   return {owner, &owner->body};
@@ -405,7 +404,10 @@ template <class Phase>
     const auto make = [&](const SurfaceNodes& at, double tick) {
       return deformable::MassSpringModel(at, network, patches, tick, alpha, beta);
     };
-    return own<deformable::MassSpringModel>(reader, from, std::move(nodes), make, period, friction, nullptr);
+    std::vector<float> compliance;  // static, of friction at two rates
+    if (friction && from.has("update_interval")) compliance = from.blob<float>("compliance", 3 * count, 3 * count);
+    if (!reader.ok()) return nullptr;
+    return own<deformable::MassSpringModel>(reader, from, std::move(nodes), make, period, friction, compliance.data());
   }
   std::vector<float> full = from.blob<float>("compliance", 3 * count, 3 * count);
   const bool rough = friction.mu_static > 0.0;

@@ -215,6 +215,15 @@ TEST(MassSpringModel, EnergyOfAFreeMotionNeverIncreases) {
       }
 }
 
+// Law: at rest the rounding of the energy neither shortens a step nor slows the body down.
+TEST(MassSpringModel, ABodyAtRestTakesWholeSteps) {
+  const Cube cube(4);
+  auto model = cube.model(1e-3, 10.0, 2e-3);
+  for (int k = 0; k < 100; ++k) model.advance(nullptr, nullptr, 0);
+  EXPECT_EQ(model.limited_steps(), 0);
+  EXPECT_LT(model.energy(), 1e-24);
+}
+
 // A mass on a spring of each law against its equation of motion, solved in small steps; the numerical damping is h r / 2.
 TEST(MassSpringModel, MassOnANonlinearSpringMovesAsItsEquationOfMotion) {
   const palpate::deformable::SurfaceNodes nodes({{0, 0, 0.01}}, {{0, 0, 1}}, {1e-4});

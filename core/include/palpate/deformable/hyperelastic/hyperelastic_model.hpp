@@ -77,6 +77,9 @@ class HyperelasticModel {
       positions.push_back(mesh.points[static_cast<std::size_t>(point_of_[i])]);
     SmoothingDomains domains(mesh, number);
     energy_round_off_ = domains.energy_round_off;
+    double volume = 0.0;
+    for (const double v : domains.nodal_volume) volume += v;
+    length_ = std::cbrt(volume);
     tangent_ = make_tangent(domains);
     preconditioner_ = TwoLevelPreconditioner(positions);
     add_groups(domains);
@@ -203,6 +206,9 @@ class HyperelasticModel {
     baseline_steps_ = 0;
     is_coarse_old_ = true;
   }
+
+  /// Norm of the internal forces below which they are rounding errors of the displacements, N.
+  [[nodiscard]] double force_round_off() const noexcept { return stiffness() * energy_round_off_ / length_; }
 
   /// Set the displacement [m] of all nodes, including fixed ones, and evaluate energy, gradient and tangent.
   void set_displacement(const double* displacement) {
@@ -562,6 +568,7 @@ class HyperelasticModel {
   double elastic_energy_ = 0.0;                 // W at the last evaluated displacement, J
   double overstress_energy_ = 0.0;              // after the last step, J
   double energy_round_off_ = 0.0;               // J
+  double length_ = 1.0;                         // of a cube of the body's volume, m
   int last_steps_ = 0, baseline_steps_ = 0;     // solver steps: of the last solve, and of the first after the coarse matrix was updated
   std::vector<double> displacement_, trial_displacement_;             // of all nodes, m
   std::vector<double> gradient_, trial_gradient_;                     // N

@@ -286,7 +286,7 @@ class QuasiStaticSolver {
         internal += model_.gradient()[i] * model_.gradient()[i];
       }
       const double scale = forces.norm() + std::sqrt(internal);
-      report.relative_residual = residual > 0.0 ? std::sqrt(residual) / scale : 0.0;
+      report.relative_residual = std::sqrt(residual) > model_.force_round_off() ? std::sqrt(residual) / scale : 0.0;
       if (report.relative_residual <= tolerance || k == max_dynamic_steps) return;
       const auto step = model_.step(forces, 1e-3F, options_.max_newton_steps);
       report.newton.solver_steps += step.solver_steps;
@@ -334,7 +334,8 @@ class QuasiStaticSolver {
       const double r = tips_contact_.force()[k] - model_.gradient()[k];
       residual += r * r;
     }
-    return residual == 0.0 ? 0.0 : std::sqrt(residual) / tips_contact_.force_norm();
+    const double size = std::sqrt(residual);
+    return size <= model_.force_round_off() ? 0.0 : size / tips_contact_.force_norm();
   }
 
   [[nodiscard]] const Vector3<>& rest(std::int32_t id) const { return points_[at(surface_.point[at(id)])]; }

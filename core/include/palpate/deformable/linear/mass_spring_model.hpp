@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -63,6 +64,7 @@ class MassSpringModel {
     free_step_ = step_;
     // In an isotropic solid the springs hold a vertex five times as stiffly as its shear does.
     network_.set_damping(period_, 0.2 * beta);
+    rounding_ = rounding_energy();
     const Eigen::SparseMatrix<double> system = system_matrix();
     factor_ = SupernodalCholesky(system);
     if (!factor_.positive_definite()) return;
@@ -188,6 +190,13 @@ class MassSpringModel {
     }
   }
 
+  [[nodiscard]] double rounding_energy() const {
+    double extent = 0.0;
+    for (const Vector3<>& x : network_.data().rest_positions) extent = std::max(extent, x.cwiseAbs().maxCoeff());
+    const double rounding = 4.0 * std::numeric_limits<double>::epsilon() * extent;
+    return 0.5 * network_.stiffness_bound().diagonal().sum() * rounding * rounding;
+  }
+
   [[nodiscard]] Eigen::SparseMatrix<double> system_matrix() const {
     std::vector<Eigen::Triplet<double>> entries;
     const Eigen::SparseMatrix<double> dampers = network_.damping_matrix();
@@ -266,7 +275,7 @@ class MassSpringModel {
 
   /// Apply `step_`, in which the external forces do `work` [J]. Shorten the step or reduce the velocity if energy would be gained.
   void apply_step(double work) noexcept {
-    const double initial = energy(), rounding = 1e-13 * initial;
+    const double initial = energy(), rounding = 1e-13 * initial + rounding_;
     double fraction = 1.0, applied = 0.0;  // of the step: target and already applied
     for (int halving = 0; halving <= 4; ++halving) {
       const double move = fraction - applied, speed = fraction / period_;
@@ -350,6 +359,7 @@ class MassSpringModel {
   std::array<ResponseColumn, 2 * max_loads> column_{};  // of the nodes whose force changes
   std::size_t columns_ = 0;
   double potential_ = 0.0, kinetic_ = 0.0;
+  double rounding_ = 0.0;  // energy of the network by the rounding of its vertices' positions, J
   long limited_steps_ = 0;
 };
 

@@ -152,6 +152,15 @@ def test_a_certificate_is_that_of_the_last_phase(block: Path) -> None:
     assert any("those after their last change, at 0.5 s" in sentence for sentence in found.assumptions)
 
 
+def test_a_certificate_needs_no_table_of_the_run(block: Path) -> None:
+    """A run without one lasts for 1 s."""
+    tables = press(block, "1 s", kind="signed_distance")
+    short = {key: table for key, table in tables.items() if key != "run"}
+    found = certify(short)
+    assert found.verdict == certify(tables).verdict
+    assert found.verdict.state is State.STABLE
+
+
 def test_a_run_names_an_overlap_with_what_is_held_at_its_end(block: Path) -> None:
     under = ["x < 17 mm"]
     told = [

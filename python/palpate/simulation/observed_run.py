@@ -66,7 +66,7 @@ def observe(scenario: Scenario, ticks: int = SHORTEST, hold: float = HOLD) -> Ob
         hold: s, before the push.
     """
     tables = scenario.to_dict()
-    tables["run"] = {**tables["run"], "record_every": 1}
+    tables["run"] = {**tables.get("run", {}), "record_every": 1}
     simulation = build_simulation(tables)
     end = len(simulation.reference) - 1
     held = end + math.ceil(hold / scenario.period)

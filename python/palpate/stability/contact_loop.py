@@ -117,7 +117,7 @@ def contact_stability(trace: Trace, row: int = -1, *, controller: Any = None) ->
 
 def every_tick(scenario: Scenario, controller: Controller | None) -> Trace:
     """Return the trace of a run with every tick recorded."""
-    run = {**scenario.to_dict()["run"], "record_every": 1}
+    run = {**scenario.to_dict().get("run", {}), "record_every": 1}
     return simulate(Scenario.from_dict({**scenario.to_dict(), "run": run}), controller)
 
 

@@ -95,13 +95,17 @@ def _find(s: Scenario) -> _Findings:
     if run.lasts and needed > SHORTEST:
         run = observe(s, math.ceil(min(needed, _longest(s) / s.period)), (run.held - run.end) * s.period)
     others = _other_depths(s, run, rest.depth)
-    depths, failed = [], 0
+    depths, problems = [], []
     for other in others:
         try:
             depths.append(_at_depth(s, run.trace, other))
-        except StabilityError:
-            failed += 1
-    untested = f"at {failed} of {len(others)} other depths the body's response could not be measured" if failed else ""
+        except StabilityError as trouble:
+            problems.append(str(trouble))
+    untested = ""
+    if problems:
+        untested = (
+            f"at {len(problems)} of {len(others)} other depths the body's response could not be measured: {problems[0]}"
+        )
     return _Findings(rest, tuple(sorted(depths, key=lambda one: one.depth)), untested, run)
 
 

@@ -150,7 +150,7 @@ def _record(held: HeldTip, step: float) -> tuple[Array, Array, Array]:
         ticks *= 2
     if last < 0.9 * third:
         return forth, back, np.zeros_like(mean[0])
-    remedy = "give the body more damping (rayleigh_beta)"
+    remedy = "give the body more damping (rayleigh_beta), or a shorter retardation_time"
     if held.friction and isinstance(held.core, _core.SignedDistanceBody):
         remedy = "its friction keeps a share of each displacement; judge the loop without friction, or its run"
     raise StabilityError(

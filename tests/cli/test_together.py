@@ -68,6 +68,15 @@ def test_two_devices_are_run_and_judged_together(folder: Path) -> None:
     assert Trace.load(results / "device-2.h5").verdict.settled
 
 
+def test_two_bodies_are_refused_with_both_files_named(folder: Path) -> None:
+    soft = (folder / "right.toml").read_text().replace("10 kPa", "5 kPa")
+    (folder / "soft.toml").write_text(soft)
+    done = CliRunner().invoke(app, ["together", "left.toml", "soft.toml"])
+    assert done.exit_code == 2
+    assert "soft.toml" in done.output
+    assert "differs from that of left.toml; devices share one body" in done.output
+
+
 def test_a_device_off_the_body_leaves_the_joint_verdict_undecided(folder: Path) -> None:
     done = CliRunner().invoke(app, ["together", "left.toml", "away.toml", "--out", "there"])
     assert done.exit_code == 1

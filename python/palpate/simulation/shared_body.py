@@ -118,5 +118,5 @@ def _check_same(first: Scenario, choice: BodyChoice, scenario: Scenario, other: 
         if key not in _OWN and getattr(choice, key) != getattr(other, key):
             raise scenario.mistake(
                 f"object.body.{key}",
-                f"differs from that of {first.title}; devices share one body, placed in each frame",
+                f"differs from that of {first.source or first.title}; devices share one body, placed in each frame",
             )

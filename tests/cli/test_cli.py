@@ -120,6 +120,23 @@ def test_control_c_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.Mon
     assert [file.name for file in tmp_path.iterdir()] == ["cube.toml"]
 
 
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_stopped_sweep_names_its_file_only_if_there_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, begun: bool
+) -> None:
+    def interrupted(*_: object, out: Path, **__: object) -> None:
+        if begun:
+            out.write_bytes(b"cells")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("palpate.sweeps.sweep", interrupted)
+    file = tmp_path / "sweep.h5"
+    code, text = palpate("sweep", scenario(tmp_path), "--over", "object.stiffness=1 N/mm..2 N/mm:3", "--out", file)
+    assert code == 130
+    said = f"stopped: {file} has the cells that are done" if begun else "stopped: nothing was written"
+    assert said in text.replace("\n", "")
+
+
 @pytest.fixture
 def heard() -> Iterator[Any]:
     """Ctrl-C as a terminal sends it, though what runs in the background of a shell begins with it ignored."""

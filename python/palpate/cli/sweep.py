@@ -76,9 +76,8 @@ def sweep(
                 progress=tell,
             )
     except KeyboardInterrupt:
-        errors.print(
-            f"stopped: {escape(str(path))} has the cells that are done; the same command continues", soft_wrap=True
-        )
+        kept = f"{escape(str(path))} has the cells that are done; the same command continues"
+        errors.print(f"stopped: {kept if path.exists() else 'nothing was written'}", soft_wrap=True)
         raise typer.Exit(130) from None
     idle = part is not None and part[0] > found.plan.chunks
     page = None

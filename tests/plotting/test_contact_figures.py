@@ -143,7 +143,7 @@ def test_sections_state_the_summary(slide: Trace, press: Trace) -> None:
         text = page.html()
         for name, key, _, factor in numbers:
             if key in ("saved_J", "at_start_J", "final_tip_forces_N") and not found[key]:
-                assert name not in text
+                assert name.format(1) not in text
             elif found[key] is not None:
                 row = text[text.index(f">{name}<") :].partition("</tr>")[0]
                 assert f">{contact.in_column(found[key] * factor)}<" in row
@@ -153,6 +153,16 @@ def test_sections_state_the_summary(slide: Trace, press: Trace) -> None:
     assert "over its median" not in text
     deepest = int(np.argmax(np.linalg.norm(press["deflection"], axis=1)))
     assert f"Surface of the body at t = {press.time[deepest]:.3g} s" in text
+
+
+def test_each_tip_of_a_tool_has_a_row() -> None:
+    page = Page("a")
+    numbers = [number for number in contact._PALPATION if number[1] == "final_tip_forces_N"]
+    contact.numbers_table(page, numbers, {"final_tip_forces_N": (0.25, 0.5)}, "Forces.")
+    text = page.html()
+    for at, force in ((1, "0.25"), (2, "0.5")):
+        row = text[text.index(f">force of tip {at} of the tool at the end<") :].partition("</tr>")[0]
+        assert f">{force}<" in row
 
 
 @pytest.mark.parametrize(("share", "word"), [(0.9, "less"), (1.1, "more")])

@@ -47,7 +47,7 @@ _PALPATION: Final[tuple[Number, ...]] = (
     ("number of contacts", "touches", "", 1.0),
     ("deflection at the end", "final_deflection_m", "mm", 1e3),
     ("force at the end", "final_force_N", "N", 1.0),
-    ("force of a tip of the tool at the end", "final_tip_forces_N", "N", 1.0),
+    ("force of tip {} of the tool at the end", "final_tip_forces_N", "N", 1.0),
     ("oscillation of the force at the end", "final_swing_N", "mN", 1e3),
     ("work of the tip on the body", "work_J", "mJ", 1e3),
     ("energy stored at the first sample", "at_start_J", "mJ", 1e3),
@@ -59,11 +59,14 @@ _PALPATION: Final[tuple[Number, ...]] = (
 
 
 def numbers_table(page: Page, numbers: Sequence[Number], found: Mapping[str, Any], caption: str) -> None:
-    """Add a table of the values of `found` under the keys of `numbers`, formatted by `in_column`; None is a dash."""
+    """Add a table of the values of `found` under the keys of `numbers`, formatted by `in_column`; None is a dash.
+
+    A list has a row for each value. Its name has `{}` for their number, from 1 on.
+    """
     rows = [
-        (name, None if value is None else in_column(value * factor), unit)
+        (name.format(at), None if value is None else in_column(value * factor), unit)
         for name, key, unit, factor in numbers
-        for value in (found[key] if isinstance(found[key], list | tuple) else [found[key]])
+        for at, value in enumerate(found[key] if isinstance(found[key], list | tuple) else [found[key]], 1)
     ]
     page.table(["quantity", "value", "unit"], rows, caption)
 

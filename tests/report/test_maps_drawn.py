@@ -90,6 +90,14 @@ def test_panels_of_details_appear_exactly_where_details_would_not_be_seen() -> N
     assert lines[", computed"][:, 1].max() == pytest.approx(19.0)
     assert len(lines["simulated"]) <= 20
     assert "passive" in [text.get_text() for text in near.texts]
+    for window in ((2.5, 800.0), (20.0, 500.0), (5.0, 3000.0)):
+        around = replace(corner, window=window)
+        (panel,) = close_figure(zwidth(corner=around, passive=PASSIVE, not_passive="")).axes  # type: ignore[union-attr]
+        (label,) = (text for text in panel.texts if text.get_text() == "passive")
+        panel.figure.draw_without_rendering()
+        within, axes = label.get_window_extent(), panel.get_window_extent()
+        assert within.x0 > axes.x0
+        assert within.y0 > axes.y0
     (only,) = close_figure(zwidth(corner=corner)).axes  # type: ignore[union-attr]
     assert only.get_title(loc="left") == "near the origin"
     (holding,) = close_figure(zwidth(corner=replace(corner, window=(2.5, 800.0)))).axes  # type: ignore[union-attr]

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 MARGIN = 1.12  # size of the map over the extent of the scenario's own curve
 DOTS = 40  # approximate number drawn
+ROOM = 0.3  # share of the panel near the origin in both directions below which a region has no room for its name
 BEYOND = 1.15  # size over the map from which another operator's curve has a figure of its own
 
 
@@ -175,7 +176,12 @@ def close_figure(z: ZWidth) -> Figure | None:
         _frame(panel, *z.corner.window, "N/m")
         panel.set_title("near the origin", **TITLE)
         if z.passive is not None:
-            panel.annotate("passive", (z.passive[0].max() / 3, z.passive[1].max() / 3), ha="center", va="center")
+            b, k = (float(values.max()) for values in z.passive)
+            if min(b / wide, k / high) > ROOM:
+                panel.annotate("passive", (b / 3, k / 3), ha="center", va="center")
+            else:
+                arrow = {"arrowstyle": "->", "color": INK}
+                panel.annotate("passive", (b / 3, k / 3), xytext=(0.1 * wide, 0.15 * high), arrowprops=arrow)
     return figure
 
 

@@ -495,11 +495,14 @@ def test_the_command_builds_a_body_and_shows_it(tmp_path: Path, capsys: pytest.C
 
     volume = block((0.03, 0.03, 0.02), 0.01)
     meshio.write_points_cells(tmp_path / "b.vtk", volume.points * 1e3, [("tetra", volume.tetrahedra)])
-    words = ["body", "build", str(tmp_path / "b.vtk"), "--unit", "mm", "--young", "5 kPa", "--fixed", "z < 0.1 mm"]
+    words = ["body", "build", str(tmp_path / "b.vtk"), "--unit", "mm", "--young", "5 kPa"]
+    words += ["--surface-layer", "10 mm = 50 kPa", "--fixed", "z < 0.1 mm"]
     assert app(words, standalone_mode=False) in (None, 0)
     assert app(["body", "show", str(tmp_path / "b.h5")], standalone_mode=False) in (None, 0)
     told = capsys.readouterr().out
-    for line in ("size        30 × 30 × 20 mm, 18 cm³", "Young's modulus 5 kPa", "fixed       z < 0.1 mm", "quadratic"):
+    for line in ("size        30 × 30 × 20 mm, 18 cm³", "Young's modulus 50 kPa", "quadratic"):
+        assert line in told
+    for line in ("layer       10 mm = 50 kPa", "fixed       z < 0.1 mm"):
         assert line in told
     assert "{" not in told
     assert "[" not in told

@@ -177,7 +177,7 @@ def _rows(body: Body) -> Iterator[tuple[str, str]]:
     for region in record("regions") or ():
         yield "region", str(region)
     if record("surface_layer"):
-        yield "surface_layer", str(record("surface_layer"))
+        yield "layer", str(record("surface_layer"))
     yield "fixed", ", ".join(record("fixed") or ["?"])
     if held := record("held"):
         yield "held", ", ".join(held)

@@ -77,7 +77,7 @@ def test_contradicting_choices_of_the_spacing_are_refused() -> None:
 
 def test_a_press_on_few_nodes_states_its_error() -> None:
     body = bodies.build(block((0.04, 0.04, 0.02), 0.01), young=5e3, fixed="z < 0.1 mm")
-    with pytest.warns(BodyWarning, match=r"only 1 of the body's nodes are in contact.*error up to 180 %"):
+    with pytest.warns(BodyWarning, match=r"only 1 of the body's nodes is in contact.*error up to 180 %"):
         assert body.indent([0.02, 0.02, 0.02], "10 mm", "0.5 mm").error == 1.8
     with pytest.warns(BodyWarning, match="too few for an accurate force: use"):
         assert body.indent([0.0, 0.0, 0.02], "7.5 mm", "0.5 mm", tip="flat").error is None
@@ -110,5 +110,5 @@ def test_a_tip_beside_the_nodes_has_no_sideways_force(small: str) -> None:
     with pytest.warns(BodyWarning, match="no node is in contact"):
         force, _ = solid.indent([0.0175, 0.0175, 0.02], small, "0.1 mm", outward=[0, 0, 1])
     assert not force.any()
-    with pytest.warns(BodyWarning, match=r"only 1 of the body's nodes are in contact"):
+    with pytest.warns(BodyWarning, match=r"only 1 of the body's nodes is in contact"):
         solid.indent([0.015, 0.015, 0.02], "6 mm", "0.1 mm", outward=[0, 0, 1])

@@ -301,6 +301,11 @@ BEGINS = "presses the body in by 2 mm with 0.5 N"
             "converged; in 6 samples the "
             "contact was lost: the tip was pushed through the body",
         ),
+        (
+            {"contact_lost": 1},
+            f"{BEGINS} (largest force 0.75 N), rests in contact at the end; in 1 sample the contact was lost: the tip "
+            "was pushed through the body",
+        ),
     ],
 )
 def test_a_run_on_a_body_tells_what_it_pressed(

@@ -439,9 +439,9 @@ def check_resolved(force: Array, normal: Array, count: int, error: float | None,
         )
     elif count < 4:
         warnings.warn(
-            f"only {count} of the body's nodes are in contact, too few for an accurate force"
-            f"{'' if error is None else f' (error up to {100 * error:.0f} %)'}: use a finer mesh, a larger tip or a "
-            "larger depth",
+            f"only {count} of the body's nodes {'is' if count == 1 else 'are'} in contact, too few for an accurate "
+            f"force{'' if error is None else f' (error up to {100 * error:.0f} %)'}: use a finer mesh, a larger tip "
+            "or a larger depth",
             BodyWarning,
             stacklevel=3,
         )

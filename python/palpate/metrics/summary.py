@@ -246,13 +246,17 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     if found.over_fixed:
         text += f"; the tip {OVERLAPS_FIXED}"
     if found.unsolved:
-        text += f"; in {found.unsolved} samples the contact force was not found"
+        text += f"; in {_samples(found.unsolved)} the contact force was not found"
         text += ": too many nodes lie under the tip, it inverts tetrahedra, it moves too fast, or the contact has not "
         text += "converged"
     if found.contact_lost:
-        text += f"; in {found.contact_lost} samples the contact was lost: the tip was pushed through the body"
+        text += f"; in {_samples(found.contact_lost)} the contact was lost: the tip was pushed through the body"
     began = float(np.linalg.norm(trace["deflection"][0])) if trace["touching"][0, 0] else 0.0
     return [text, *_began(began, "body")]
+
+
+def _samples(count: int) -> str:
+    return "1 sample" if count == 1 else f"{count} samples"
 
 
 def _at_the_end(found: SlidingMetrics | PalpationMetrics, trace: Trace) -> str:

@@ -15,7 +15,7 @@ from palpate.scenario import Scenario
 from palpate.simulation import Trace
 from palpate.simulation.bodies import pressed_at
 from palpate.simulation.verdict import State
-from palpate.stability import contact_stability
+from palpate.stability import certify, contact_stability
 from palpate.sweeps import SweepError, sweep
 from scipy.spatial.transform import Rotation
 
@@ -236,3 +236,16 @@ def test_the_summary_of_a_grip_gives_the_force_of_each_tip(ridge: Path) -> None:
     expected = [np.linalg.norm(trace[f"point{k}_force"][last], axis=1).mean() for k in (1, 2)]
     np.testing.assert_allclose(found.final_tip_forces, expected, rtol=1e-12)
     assert f"its tips with {expected[0]:.3g}, {expected[1]:.3g} N" in summarize(trace)["verdict"]
+
+
+def test_a_certificate_of_a_gripper_tests_depths_after_its_last_motion(ridge: Path) -> None:
+    """Whether the force on the tool grows before or after it has closed, no tested sample has a tool that moves."""
+    closing = {"closed_points": CLOSED, "opening": (("0.05 s", 1), ("0.2 s", 0))}
+    late = tables(ridge, closing, static_friction=0.5)
+    late["reference"] = {"shape": "ramp", "start": "0.25 s", "rise": "0.2 s", "force": ["0 N", "0.1 N", "0 N"]}
+    early = tables(ridge, closing, static_friction=0.5)
+    one, other = (certify(Scenario.from_dict(one)) for one in (late, early))
+    for found in (one, other):
+        assert found.verdict.state in (State.STABLE, State.UNDECIDED)
+        assert any("after its last motion, which ends at 0.2 s" in sentence for sentence in found.assumptions)
+        assert "holds the tool still" not in found.verdict.reason

@@ -11,7 +11,9 @@ from palpate.control.stability_margins import loop_margins
 from palpate.errors import StabilityError
 from palpate.fem.model_spec import LAWS
 from palpate.scenario import Scenario
+from palpate.scenario.body import BodyChoice
 from palpate.simulation.observed_run import LONGEST, SHORTEST, ObservedRun, observe
+from palpate.simulation.tool_motion import last_motion
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import FAILED, State, Verdict
 from palpate.stability.assumptions import assumptions
@@ -174,11 +176,12 @@ def _hyperelastic(s: Scenario) -> bool:
 
 
 def _other_depths(s: Scenario, run: ObservedRun, rest: float) -> list[int]:
-    """Return samples of the scenario's own run at other depths than `rest`, m."""
+    """Return samples of the scenario's own run at other depths than `rest`, m, under its last supports and tool."""
     choice = s.object.body
     assert choice is not None
     trace = run.trace
     inside = np.flatnonzero(trace["touching"][: run.end + 1, 0])
+    inside = inside[trace.time[inside] >= _last_change(choice) - 1e-6 * s.period]
     depth = np.linalg.norm(trace["deflection"], axis=1)
     if inside.size == 0:
         return []
@@ -189,6 +192,11 @@ def _other_depths(s: Scenario, run: ObservedRun, rest: float) -> list[int]:
         if abs(depth[near] - share * rest) < _APART * rest:
             rows.append(near)
     return rows
+
+
+def _last_change(choice: BodyChoice) -> float:
+    """Return the time after which supports and tool of a body stay as they are, s."""
+    return max(last_motion(choice), max((change.at for change in choice.supports or ()), default=0.0))
 
 
 def _verdict(found: _Findings) -> Verdict:
@@ -275,6 +283,8 @@ def _method(s: Scenario, found: _Findings) -> list[str]:
     if found.depths:
         at = ", ".join(f"{1e3 * one.depth:.3g} mm: factor {one.stiffness_margin:.4g}" for one in found.depths)
         steps.append(f"Other depths of the run and the stiffness margin there: {at}.")
+    elif s.object.body is not None and (changed := _last_change(s.object.body)) > 0.0:
+        steps.append(f"No other depth is tested: after {changed:g} s, the last change, the run passes none.")
     return steps
 
 
@@ -289,4 +299,6 @@ def _assumptions(s: Scenario) -> tuple[str, ...]:
     if choice.supports:
         last = choice.supports[-1].at
         sentences.append(f"The supports of the body are those after their last change, at {last:g} s.")
+    if (moved := last_motion(choice)) > 0.0:
+        sentences.append(f"The tool stays as it is after its last motion, which ends at {moved:g} s.")
     return tuple(sentences)

@@ -109,6 +109,7 @@ EARLY := $(if $(filter test builds check nightly docs lint tidy format bench .ve
 # Editable: Python changes need no reinstall, and the core is rebuilt when one of its files is newer.
 # The core compiles while pip downloads and installs the dependencies.
 .venv/installed: .venv/bin/python $(CORE)
+	@echo "Compiling the core and installing packages: about three minutes on two cores."
 	$(BIN)/python -m pip install --quiet --no-deps --editable . & core=$$!; \
 		$(call packages,p['dependencies'] $(EARLY)); packages=$$?; wait $$core && exit $$packages
 	@touch $@

@@ -200,3 +200,27 @@ def test_a_wrong_object_is_refused() -> None:
     }
     with pytest.raises(StabilityError, match="needs a scenario with a body"):
         contact_stability(simulate(Scenario.from_dict(wall)))
+
+
+def test_a_body_that_relaxes_slowly_oscillates_like_one_of_its_instantaneous_stiffness(tmp_path: Path) -> None:
+    """By signed distance, whose iterations leave a constant in the slow response: certified in spite of it."""
+    path = tmp_path / "block.h5"
+    volume = fem.block((0.04, 0.04, 0.02), 0.004)
+    fem.build(volume, young=10e3, fixed="z < 0.1 mm", touch="z > 19.9 mm", output=path)
+    scenario: dict[str, Any] = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms"},
+        "reference": {"shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", "-0.3 N"]},
+        "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"},
+        "run": {"duration": "2 s"},
+    }
+    body = {"file": str(path), "origin": ["20 mm", "20 mm", "20 mm"], "radius": "15 mm"}
+    slow = {"contact": "signed_distance", "instantaneous_ratio": 2.0, "retardation_time": "0.3 s"}
+    margins = []
+    for options in ({"kind": "signed_distance", "stiffness_scale": 2.0}, {"kind": "viscoelastic", **slow}):
+        touched = {"kind": "body", "position": ["0 mm", "0 mm", "-15 mm"], "body": {**body, **options}}
+        found = certify({**scenario, "object": touched})
+        assert found.verdict.state is State.STABLE
+        margins.append(found.margin["gain_margin"])
+    assert margins[1] == pytest.approx(margins[0], rel=0.1)

@@ -18,7 +18,7 @@ __all__ = ["BodyResponse", "body_response"]
 _STEPS = (2e-3, 5e-4, 1e-4, 1e-5, 1e-6)  # displacement of the tip, relative to its radius
 _FIRST, _LONGEST = 256, 4096  # ticks of the impulse response
 _DECAYED = 1e-5  # share of the last quarter in the whole response that ends the record
-_NOISE = 0.05  # share of the last quarter below which a level that stays is noise
+_NOISE = 0.15  # share of the last quarter below which a level that stays is noise
 _CONSTANT = 0.98  # level of the last quarter, relative to the one before, that stays
 _WINDOW = 16  # ticks over which the level of the noise is compared
 

@@ -73,7 +73,7 @@ class ToolMotion(Section):
             raise ValueError(f"closed_points: {len(self.closed_points)} points for {len(open_points)} contact_points")
         least = min((row[1] for row in self.opening or ()), default=1.0)
         if self.opening is None:
-            least = 0.0  # a loop closes it as far as it likes
+            least = 0.0  # a loop may close it
         if pair := closest_tips(open_points, self.closed_points, least):
             raise ValueError(f"closed_points: tips {pair[0]} and {pair[1]} come to the same place; keep them apart")
 

@@ -351,6 +351,9 @@ UNHELD = {**SHAKEN, "fluctuation": 0.01, "traction": 0.5, "release": np.inf}
         (UNHELD, "traction", 0.399, 0.401, State.UNDECIDED),
         (UNHELD, "release", 1e3, np.inf, State.UNDECIDED),
         (UNHELD, "linear", 1, 0, State.UNDECIDED),
+        (SHAKEN, "onward", 0.399e-4, 0.401e-4, State.UNDECIDED),
+        (UNHELD, "onward", 0.399e-4, np.nan, State.UNDECIDED),
+        (SHAKEN | {"deflection": 3e-3}, "onward", 0.599e-4, 0.601e-4, State.UNDECIDED),
         ({}, "linear", 1, -1, State.UNSTABLE),
     ],
 )  # fmt: skip

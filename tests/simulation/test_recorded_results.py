@@ -310,20 +310,22 @@ STORED: dict[str, Any] = {
     "shift_ratio": 1.3175572, "shift_fifths": 1, "deflection": 0.00224508084, "error": 0.400079916, "drift":
     0.000554979144, "creep": 0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.0, "saturated": 0.03, "pressed": False,
     "beyond": False, "constant": True, "resolution": 0.000114197448, "linear": 1, "decay": 0.132619556, "kept": nan,
-    "local": False, "fluctuation": nan, "traction": nan, "release": nan, "lossy": True, "generated": nan,
+    "local": False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": nan,
     "generated_before": nan}, "part": {"unstable_from": nan, "early": 8.26626292e-05, "prior": 0.000135585159, "late":
     7.27180199e-05, "ripple": 0.000223279076, "ripple_before": 0.00026291491, "swing": 0.00022535034, "swing_before":
     0.000264179974, "trend": -2.07126337e-06, "trend_before": -1.2650641e-06, "shift": 8.68027487e-06, "shift_ratio":
     0.657802768, "shift_fifths": 1, "deflection": 0.00224506271, "error": 0.399964168, "drift": 0.00175446436, "creep":
     0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.0, "saturated": 0.0, "pressed": False, "beyond": False,
     "constant": True, "resolution": 0.000113883944, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": False,
-    "fluctuation": nan, "traction": nan, "release": nan, "lossy": True, "generated": nan, "generated_before": nan},
+    "fluctuation": nan, "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": nan,
+    "generated_before": nan},
     "short": {"unstable_from": nan, "early": 6.00255695e-05, "prior": 5.9229961e-05, "late": 5.48813653e-05, "ripple":
     0.000134786072, "ripple_before": 0.000153208294, "swing": 1.73362889e-05, "swing_before": 4.68654259e-05, "trend":
     0.000117449783, "trend_before": 0.000106342868, "shift": 6.38273802e-05, "shift_ratio": 0.335786077,
     "shift_fifths": 1, "deflection": 0.00224771462, "error": nan, "drift": nan, "creep": 0, "touching": 1.0,
     "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
     0, "linear": 0, "decay": nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan,
+    "onward": nan,
     "lossy": False, "generated": nan, "generated_before": nan}, "balance": None, "resolution": [0.000113594932,
     0.000114634065, 0.000113709331, 0.000114197448], "lossy": True, "friction": 0.0, "interruption": 0.0, "expected":
     [0.00111111111, 0.0, -0.00333333333], "outcome": {"unstable_from": nan, "oscillation_2": 7.16922302e-05,
@@ -337,20 +339,23 @@ STORED: dict[str, Any] = {
     "shift_ratio": 0.721689878, "shift_fifths": 1, "deflection": 0.00224483702, "error": nan, "drift": nan, "creep":
     0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.03, "pressed": True, "beyond": False,
     "constant": True, "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local": False, "fluctuation":
-    nan, "traction": nan, "release": nan, "lossy": False, "generated": -0.273154932, "generated_before": -0.910369104},
+    nan, "traction": nan, "release": nan, "onward": nan, "lossy": False, "generated": -0.273154932,
+    "generated_before": -0.910369104},
     "part": {"unstable_from": nan, "early": 4.45873555e-05, "prior": 8.17512635e-05, "late": 1.50779803e-05, "ripple":
     9.84697471e-05, "ripple_before": 0.000209453056, "swing": 7.3200614e-05, "swing_before": 0.000210889903, "trend":
     2.52691331e-05, "trend_before": -1.43684638e-06, "shift": 3.30190772e-05, "shift_ratio": 0.780683455,
     "shift_fifths": 1, "deflection": 0.00224491961, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
     "resolution": 0.0, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": False, "fluctuation": nan, "traction":
-    nan, "release": nan, "lossy": False, "generated": -1.09180318, "generated_before": 0.760572605}, "short":
+    nan, "release": nan, "onward": nan, "lossy": False, "generated": -1.09180318, "generated_before": 0.760572605},
+    "short":
     {"unstable_from": nan, "early": 5.34252867e-06, "prior": 9.50112822e-06, "late": 9.10435459e-06, "ripple":
     3.9872153e-05, "ripple_before": 3.3164056e-05, "swing": 6.43927489e-06, "swing_before": 4.10670384e-06, "trend":
     3.34328782e-05, "trend_before": 2.90573522e-05, "shift": 8.11822971e-05, "shift_ratio": 0.726870584,
     "shift_fifths": 2, "deflection": 0.00224629024, "error": nan, "drift": nan, "creep": 0, "touching": 1.0,
     "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
     0, "linear": 0, "decay": nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan,
+    "onward": nan,
     "lossy": False, "generated": nan, "generated_before": nan}, "balance": {"supplied": 0.000250973322, "generated":
     -6.2935716e-05, "generated_before": -0.000202021161, "relative": [-0.250766558, -0.804950738]}, "resolution": [0.0,
     0.0, 0.0, 0.0], "lossy": False, "friction": 0.0, "interruption": 0.005, "expected": [None, None, None], "outcome":
@@ -364,20 +369,23 @@ STORED: dict[str, Any] = {
     2.82593403e-05, "shift_ratio": 0.704910717, "shift_fifths": 1, "deflection": 0.00224530938, "error": nan, "drift":
     nan, "creep": 0.0, "touching": 0.81, "contacts": 2.0, "apart": 0.151515152, "saturated": 0.03, "pressed": True,
     "beyond": False, "constant": True, "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local":
-    False, "fluctuation": nan, "traction": nan, "release": nan, "lossy": False, "generated": -0.141412965,
+    False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan, "lossy": False,
+    "generated": -0.141412965,
     "generated_before": 0.346506653}, "part": {"unstable_from": nan, "early": 3.72958594e-05, "prior": 4.32827239e-05,
     "late": 3.43445456e-06, "ripple": 1.86327585e-05, "ripple_before": 9.16953373e-05, "swing": 1.45083738e-05,
     "swing_before": 7.56024913e-05, "trend": 4.12438469e-06, "trend_before": 1.60928459e-05, "shift": 4.12258233e-05,
     "shift_ratio": 1.8714126, "shift_fifths": 1, "deflection": 0.00224467284, "error": nan, "drift": nan, "creep": 0.0,
     "touching": 1.0, "contacts": 0.0, "apart": 0.151515152, "saturated": 0.0, "pressed": True, "beyond": False,
     "constant": True, "resolution": 0.0, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": False, "fluctuation":
-    nan, "traction": nan, "release": nan, "lossy": False, "generated": 0.054954787, "generated_before": 0.546009089},
+    nan, "traction": nan, "release": nan, "onward": nan, "lossy": False, "generated": 0.054954787,
+    "generated_before": 0.546009089},
     "short": {"unstable_from": nan, "early": 1.51944429e-06, "prior": 1.23406348e-06, "late": 1.41397652e-06, "ripple":
     2.99180207e-06, "ripple_before": 3.13579678e-06, "swing": 7.91366411e-07, "swing_before": 2.57757879e-07, "trend":
     2.20043565e-06, "trend_before": 2.8780389e-06, "shift": 9.88046884e-06, "shift_ratio": 1.45001472, "shift_fifths":
     2, "deflection": 0.00224468448, "error": nan, "drift": nan, "creep": 0, "touching": 0.0, "contacts": 0.0, "apart":
     0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution": 0, "linear": 0, "decay":
-    nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "lossy": False, "generated":
+    nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan,
+    "lossy": False, "generated":
     nan, "generated_before": nan}, "balance": {"supplied": 0.000576700706, "generated": -0.000103812536,
     "generated_before": 0.000238120103, "relative": [-0.180011113, 0.412900662]}, "resolution": [0.0, 0.0, 0.0, 0.0],
     "lossy": False, "friction": 0.0, "interruption": 0.0, "expected": [None, None, None], "outcome": {"unstable_from":
@@ -391,20 +399,23 @@ STORED: dict[str, Any] = {
     0.462106697, "shift_fifths": 1, "deflection": 0.00224497228, "error": nan, "drift": nan, "creep": 0.0, "touching":
     1.0, "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.03, "pressed": True, "beyond": False, "constant":
     True, "resolution": 0.00011399115, "linear": 1, "decay": 0.132619556, "kept": nan, "local": True, "fluctuation":
-    nan, "traction": nan, "release": nan, "lossy": True, "generated": -1.50412481, "generated_before": -3.20163541},
+    nan, "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": -1.50412481,
+    "generated_before": -3.20163541},
     "part": {"unstable_from": nan, "early": 4.4037325e-05, "prior": 0.000173359084, "late": 3.43905027e-06, "ripple":
     2.35054127e-05, "ripple_before": 0.000171117934, "swing": 1.9129116e-05, "swing_before": 0.00017249426, "trend":
     4.37629673e-06, "trend_before": -1.37632556e-06, "shift": 6.92190911e-05, "shift_ratio": 1.02572284,
     "shift_fifths": 1, "deflection": 0.002245005, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
     "resolution": 0.000114135827, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": True, "fluctuation": nan,
-    "traction": nan, "release": nan, "lossy": True, "generated": -2.77603859, "generated_before": 1.05312029}, "short":
+    "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": -2.77603859,
+    "generated_before": 1.05312029}, "short":
     {"unstable_from": nan, "early": 2.81020972e-06, "prior": 3.16763576e-06, "late": 3.33743484e-06, "ripple":
     1.53828229e-05, "ripple_before": 1.89503401e-05, "swing": 2.15187535e-06, "swing_before": 2.16123508e-06, "trend":
     1.32309476e-05, "trend_before": 1.6789105e-05, "shift": 1.37367244e-05, "shift_ratio": 1.96919997, "shift_fifths":
     2, "deflection": 0.00224485159, "error": nan, "drift": nan, "creep": 0, "touching": 1.0, "contacts": 0.0, "apart":
     0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution": 0, "linear": 0, "decay":
-    nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "lossy": False, "generated":
+    nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan,
+    "lossy": False, "generated":
     nan, "generated_before": nan}, "balance": {"supplied": 0.000339081912, "generated": -0.000496847838,
     "generated_before": -0.00113794731, "relative": [-1.46527379, -3.35596582]}, "resolution": [0.000112727648,
     0.000113839773, 0.000114244283, 0.00011399115], "lossy": True, "friction": 0.2, "interruption": 0.005, "expected":
@@ -418,20 +429,23 @@ STORED: dict[str, Any] = {
     1.03874071, "shift_fifths": 1, "deflection": 0.00224499376, "error": nan, "drift": nan, "creep": 0.0, "touching":
     0.81, "contacts": 2.0, "apart": 0.151515152, "saturated": 0.03, "pressed": True, "beyond": False, "constant": True,
     "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local": True, "fluctuation": nan, "traction":
-    nan, "release": nan, "lossy": True, "generated": -7.34654552, "generated_before": 1.52420716}, "part":
+    nan, "release": nan, "onward": nan, "lossy": True, "generated": -7.34654552, "generated_before": 1.52420716},
+    "part":
     {"unstable_from": nan, "early": 5.55515254e-05, "prior": 3.96316978e-05, "late": 3.53813544e-05, "ripple":
     0.000156102345, "ripple_before": 0.000203228976, "swing": 0.000159839336, "swing_before": 0.00020623262, "trend":
     -3.73699055e-06, "trend_before": -3.00364374e-06, "shift": 1.88902386e-05, "shift_ratio": 0.886082983,
     "shift_fifths": 1, "deflection": 0.0022451708, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.151515152, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
     "resolution": 0.0, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": True, "fluctuation": nan, "traction":
-    nan, "release": nan, "lossy": True, "generated": -2.22832973, "generated_before": 29.1383796}, "short":
+    nan, "release": nan, "onward": nan, "lossy": True, "generated": -2.22832973, "generated_before": 29.1383796},
+    "short":
     {"unstable_from": nan, "early": 2.61474299e-05, "prior": 2.64281676e-05, "late": 2.69690678e-05, "ripple":
     9.87638405e-05, "ripple_before": 0.000102275517, "swing": 1.87638887e-05, "swing_before": 1.94613373e-05, "trend":
     7.99999517e-05, "trend_before": 8.28141799e-05, "shift": 0.000119104238, "shift_ratio": 0.242770378,
     "shift_fifths": 2, "deflection": 0.00224359991, "error": nan, "drift": nan, "creep": 0, "touching": 0.0,
     "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
     0, "linear": 0, "decay": nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan,
+    "onward": nan,
     "lossy": False, "generated": nan, "generated_before": nan}, "balance": {"supplied": 2.86416847e-05, "generated":
     -0.000252514791, "generated_before": 8.1606714e-05, "relative": [-8.8163386, 2.84922883]}, "resolution": [0.0, 0.0,
     0.0, 0.0], "lossy": True, "friction": 0.2, "interruption": 0.0, "expected": [None, None, None], "outcome":
@@ -445,20 +459,23 @@ STORED: dict[str, Any] = {
     1.89930511, "shift_fifths": 1, "deflection": 0.00224495703, "error": nan, "drift": nan, "creep": 0.0, "touching":
     1.0, "contacts": 0.0, "apart": 0.0, "saturated": 0.03, "pressed": False, "beyond": False, "constant": True,
     "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local": False, "fluctuation": nan, "traction":
-    nan, "release": nan, "lossy": False, "generated": -0.0146019751, "generated_before": -0.0347747309}, "part":
+    nan, "release": nan, "onward": nan, "lossy": False, "generated": -0.0146019751,
+    "generated_before": -0.0347747309}, "part":
     {"unstable_from": nan, "early": 4.91506962e-05, "prior": 3.01141683e-05, "late": 1.80487795e-05, "ripple":
     0.000106579364, "ripple_before": 0.000126853475, "swing": 7.69267891e-05, "swing_before": 0.000117814896, "trend":
     2.96525747e-05, "trend_before": 9.03857962e-06, "shift": 2.70051728e-05, "shift_ratio": 0.298071072,
     "shift_fifths": 1, "deflection": 0.00224486986, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
     0.0, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": False, "fluctuation": nan, "traction": nan,
-    "release": nan, "lossy": False, "generated": 0.016963891, "generated_before": -0.00692638031}, "short":
+    "release": nan, "onward": nan, "lossy": False, "generated": 0.016963891, "generated_before": -0.00692638031},
+    "short":
     {"unstable_from": nan, "early": 1.30121964e-05, "prior": 3.53302926e-06, "late": 1.0074347e-05, "ripple":
     5.0821366e-05, "ripple_before": 2.09206446e-05, "swing": 7.47849062e-06, "swing_before": 2.11966181e-06, "trend":
     4.33428754e-05, "trend_before": 1.88009828e-05, "shift": 3.03440274e-05, "shift_ratio": 1.12511381, "shift_fifths":
     2, "deflection": 0.00224652297, "error": nan, "drift": nan, "creep": 0, "touching": 1.0, "contacts": 0.0, "apart":
     0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution": 0, "linear": 0, "decay":
-    nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "lossy": False, "generated":
+    nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan,
+    "lossy": False, "generated":
     nan, "generated_before": nan}, "balance": {"supplied": 0.000407296013, "generated": -6.19940689e-06,
     "generated_before": -1.71271608e-05, "relative": [-0.0152208877, -0.0420508924]}, "resolution": [0.0, 0.0, 0.0,
     0.0], "lossy": False, "friction": 0.0, "interruption": 0.0, "expected": [None, None, None], "outcome":

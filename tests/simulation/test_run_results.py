@@ -557,7 +557,8 @@ STORED: dict[str, Any] = {
     3.26159012e-05, "shift": 0.000166543133, "shift_ratio": 2.18809335, "shift_fifths": 2, "deflection":
     0.000910556808, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.0,
     "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution": 0.0, "linear": 1, "decay":
-    0.19864885, "kept": nan, "local": True, "fluctuation": nan, "traction": nan, "release": nan, "lossy": False,
+    0.19864885, "kept": nan, "local": True, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan,
+    "lossy": False,
     "generated": -1.77037101e-06, "generated_before": 9.20845215e-05}, "verdict":
     "undecided: it has not settled after 0.5 s, and still moves by 0.0543 mm along y: give a longer run.duration; "
     "the linear loop is stable (spectral radius 0.992979989)"},
@@ -583,7 +584,8 @@ STORED: dict[str, Any] = {
     "shift_fifths": 2, "deflection": 0.00118034616, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution":
     0.0, "linear": 1, "decay": 0.19864885, "kept": nan, "local": True, "fluctuation": 0.00439495455, "traction":
-    0.472688314, "release": 0.00104593036, "lossy": True, "generated": -1.17013244e-05, "generated_before":
+    0.472688314, "release": 0.00104593036, "onward": nan, "lossy": True, "generated": -1.17013244e-05,
+    "generated_before":
     0.000104790264}, "verdict": "settled: the tip rests within 0.014 mm"},
     "body: viscoelastic": {"channels": {"angle": ["rad", 2819.14395, 10.2341391, 0.00199671884], "velocity": ["rad/s",
     72.6423248, 2.8064245, 1.21450357e-06], "tip": ["m", 449.32202, -0.483928562, 0.000271151144], "deflection": ["m",
@@ -606,7 +608,8 @@ STORED: dict[str, Any] = {
     3.22538931e-05, "shift": 9.70237937e-05, "shift_ratio": 1.96433819, "shift_fifths": 1, "deflection":
     0.000910722534, "error": nan, "drift": nan, "creep": 8.04746861e-13, "touching": 1.0, "contacts": 0.0, "apart":
     0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution": 0.0, "linear": 1, "decay":
-    0.19864885, "kept": nan, "local": True, "fluctuation": nan, "traction": nan, "release": nan, "lossy": False,
+    0.19864885, "kept": nan, "local": True, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan,
+    "lossy": False,
     "generated": -1.03055145e-05, "generated_before": -9.02476157e-07}, "verdict":
     "undecided: it has not settled after 0.5 s, and still moves by 0.0461 mm along y: give a longer run.duration; "
     "the linear loop is stable (spectral radius 0.992972872)"},
@@ -631,7 +634,8 @@ STORED: dict[str, Any] = {
     1.76607511e-05, "trend_before": 1.3996081e-05, "shift": 0.000216771027, "shift_ratio": 0.170742376, "shift_fifths":
     2, "deflection": 0.00223280173, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0, "contacts": 0.0,
     "apart": 0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution": 0.0, "linear": 1,
-    "decay": 0.19864885, "kept": nan, "local": True, "fluctuation": nan, "traction": nan, "release": nan, "lossy":
+    "decay": 0.19864885, "kept": nan, "local": True, "fluctuation": nan, "traction": nan, "release": nan,
+    "onward": nan, "lossy":
     False, "generated": nan, "generated_before": nan}, "verdict": "settled: the tip rests within 0.025 mm"},
 }
 # fmt: on

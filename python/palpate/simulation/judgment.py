@@ -10,6 +10,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
+from palpate.simulation.continuation import LATER
 from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
@@ -301,6 +302,9 @@ def _undecided(time: Array, e: Evidence, swing: str, tool: bool) -> str:
         return f"its mean position still shifts, and {left} may be left: give a longer run.duration"
     if e.ripple[0] <= band and int(e.linear[0]) <= 0 and bool(chatters(e)[0]):
         return f"it oscillates by {swing}, within two encoder counts, in which a growing oscillation begins as well"
+    if e.ripple[0] <= band and bool(slips(e)[0]) and not np.isnan(e.onward[0]):
+        on = f"{1e3 * float(e.onward[0]):.3g} mm"
+        return f"under the same forces for {LATER} more durations, encoder counts and friction let it move on by {on}"
     if e.ripple[0] <= band and bool(slips(e)[0]):
         return f"it oscillates by {swing}, within two encoder counts, in which a contact with friction may slip on"
     if bool(generates(e)[0]) and int(e.linear[0]) <= 0:

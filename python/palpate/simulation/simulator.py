@@ -21,12 +21,14 @@ from palpate.errors import DesignError, ScenarioError
 from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Object, Scenario
 from palpate.scenario.tool import Tool
+from palpate.simulation.continuation import LATER, resting_window, way_on
 from palpate.simulation.controllers import build_law, read_scenario, written_out
 from palpate.simulation.force_objects import with_law
 from palpate.simulation.guards import guard_numbers, set_guard
 from palpate.simulation.meshes import sensed_tip
 from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects
 from palpate.simulation.plants import check_mode, sampled_plant
+from palpate.simulation.recorded import held_tip
 from palpate.simulation.trace import Trace
 from palpate.simulation.user_object import PythonObject, as_object
 
@@ -132,9 +134,10 @@ class Simulation:
         """
         every = self.scenario.run.record_every
         if every == 1 or len(self.reference) > MOST_TICKS:
-            return self.trace(*self.run())
+            return self._continued(self.trace(*self.run()))
         trace = self.every_tick()
-        return trace.thinned(every, {**self._metadata(), "verdict": trace.verdict.to_dict()})
+        metadata = {**trace.metadata, **self._metadata(), "verdict": trace.verdict.to_dict()}
+        return trace.thinned(every, metadata)
 
     def every_tick(self) -> Trace:
         """Run the scenario and return the trace of every tick, whatever `run.record_every` is."""
@@ -143,9 +146,31 @@ class Simulation:
         whole = replace(self, scenario=self.scenario.model_copy(update={"run": run}))
         self.setup.record_every = 1
         try:
-            return whole.trace(*whole.run())
+            return whole._continued(whole.trace(*whole.run()))
         finally:
             self.setup.record_every = every
+
+    def _continued(self, trace: Trace) -> Trace:
+        """Return the trace; its metadata say how far its tip moves on, where encoder counts and friction may let it.
+
+        The run is repeated for so much longer, without the limits of the drive, whose windings would warm up meanwhile.
+        """
+        more = LATER * (len(self.reference) - 1)
+        if isinstance(self.controller, PythonController) or len(self.reference) + more > MOST_TICKS:
+            return trace
+        window = resting_window(trace)
+        if window is None:
+            return trace
+        reference, operator = (np.vstack([f, np.tile(f[-1], (more, 1))]) for f in (self.reference, self.operator))
+        longer = replace(self, reference=reference, operator=operator)
+        _limit(self.setup, self.device, limited=False)
+        try:
+            rows, unstable_tick = longer.run()
+        finally:
+            _limit(self.setup, self.device, self.scenario.device.saturation)
+        moved = way_on(held_tip(longer.trace(rows, unstable_tick)), window) if unstable_tick < 0 else BEYOND
+        found = {"duration_s": more * self.scenario.period, "moved_m": moved}
+        return replace(trace, metadata={**trace.metadata, "continued": found})
 
     def run(self) -> tuple[Array, int]:
         """Return the core's rows and the tick at which the loop diverged or -1.
@@ -322,12 +347,7 @@ def _setup(
                 f"device.encoder: {device.name} has no encoder; give its file one, or set encoder = false"
             )
         setup.encoder_step = device.encoder_step
-    if scenario.device.saturation:
-        limits = setup.limits
-        limits.peak_force, limits.continuous_force = device.peak_force, device.continuous_force
-        limits.thermal_time = device.thermal_time
-        limits.peak_torque = device.peak_torque
-        setup.limits = limits
+    _limit(setup, device, scenario.device.saturation)
     _hold(setup, scenario, device, start)
     set_guard(setup, guard_numbers(scenario, device))
     if isinstance(controller, PythonController):
@@ -342,6 +362,15 @@ def _setup(
         setup.plant_a, setup.plant_b, setup.plant_c = plant.a, plant.b, plant.c
         setup.working_torque = plant.working_torque
     return setup
+
+
+def _limit(setup: Any, device: Device, limited: bool) -> None:
+    """Give the setup the limits of the device's drive, or none."""
+    limits = type(setup.limits)()
+    if limited:
+        limits.peak_force, limits.continuous_force = device.peak_force, device.continuous_force
+        limits.thermal_time, limits.peak_torque = device.thermal_time, device.peak_torque
+    setup.limits = limits
 
 
 def _set_workspace(setup: Any, controller: WorkspaceController, device: Device, tool: Tool | None) -> None:

@@ -19,6 +19,7 @@ __all__ = [
     "State",
     "Verdict",
     "ahead",
+    "band_of",
     "chatters",
     "decide",
     "generates",
@@ -43,6 +44,7 @@ TREND = 1.5  # ripple over swing above which a motion has a trend; an oscillatio
 WANDERS = 0.2  # of two encoder counts: shift of that mean which chatter explains where no linear loop is known
 SHAKEN = 0.15  # of its mean: fluctuation of a contact's force by encoder counts above which friction lets it slip
 HELD = 0.4  # of the friction force: force along a surface above which a tip that nothing else holds may slip
+STAYS = 0.4  # of the band: way of the tip in a continued run above which encoder counts may move it on
 CHATTER = 0.5  # of two encoder counts: oscillation above which it may be a growing one where no linear loop is known
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
@@ -181,6 +183,7 @@ class Evidence:
         kept: response to a push in the last fifth of the window, relative to that in the first; nan without a push.
         local: whether the linear loop holds near the tip's place alone: on a mesh or body.
         fluctuation, traction, release: of a contact with dry friction, as in `FrictionHold`; nan without one.
+        onward: way of the tip in a continued run, as in `continuation`, m; nan if the run was not continued.
         lossy: whether dry friction, encoder counts or drive limits may hide what the linear loop does.
         generated: energy that an impedance display generates in the last fifth, relative to that which the operator
             supplies (`EnergyBalance`); nan if unknown.
@@ -219,6 +222,7 @@ class Evidence:
     fluctuation: Array
     traction: Array
     release: Array
+    onward: Array
     lossy: NDArray[np.bool_]
     generated: Array
     generated_before: Array
@@ -227,7 +231,7 @@ class Evidence:
     def of(cls, count: int, **values: Any) -> Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
         names = ("ripple_before", "swing_before", "shift", "shift_ratio", "error", "drift", "decay", "kept")
-        friction = ("fluctuation", "traction", "release")
+        friction = ("fluctuation", "traction", "release", "onward")
         unknown = dict.fromkeys((*names, *friction, "generated", "generated_before"), np.nan)
         none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear", "creep"), 0)
         swing = values.get("swing", values["ripple"])
@@ -323,17 +327,19 @@ def chatters(e: Evidence) -> NDArray[np.bool_]:
 def slips(e: Evidence) -> NDArray[np.bool_]:
     """Return whether encoder counts may move tips (n,) on along a surface with dry friction.
 
-    An oscillation within the counts lets the contact slip a little in each period, at an unsteady rate that need not
-    decay. It does so where the contact's force fluctuates much, up to the rest without friction, and where friction
-    alone holds the tip along the surface. A stable linear loop is no evidence against it where the oscillation outlasts
-    that loop's slowest motion. The response to a push is judged by itself.
+    An oscillation within the counts lets the contact slip a little in some of its periods, in bursts between which the
+    tip may rest for long. A continued run shows them. Where there is none, a contact is taken to slip whose force
+    fluctuates much, up to the rest without friction, and where friction alone holds the tip along the surface. A stable
+    linear loop is no evidence against it where the oscillation outlasts that loop's slowest motion. The response to a
+    push is judged by itself.
     """
-    shaken = _outlasts(e) & (e.fluctuation > SHAKEN) & (e.release > _band(e))
+    shaken = _outlasts(e) & (e.fluctuation > SHAKEN) & (e.release > band_of(e))
     unheld = (e.linear <= 0) & np.isinf(e.release) & (e.traction > HELD)
-    return np.asarray((e.resolution > 0.0) & np.isnan(e.kept) & (shaken | unheld), dtype=bool)
+    moves = np.where(np.isnan(e.onward), shaken | unheld, e.onward > STAYS * band_of(e))
+    return np.asarray((e.resolution > 0.0) & np.isnan(e.kept) & moves, dtype=bool)
 
 
-def _band(e: Evidence) -> Array:
+def band_of(e: Evidence) -> Array:
     """Return the distance within which tips (n,) rest, m."""
     return np.asarray(np.maximum(BAND * e.deflection, np.maximum(e.resolution, FLOOR)), dtype=float)
 
@@ -361,7 +367,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     lost |= (e.apart > APART) & (e.contacts <= MOST_CONTACTS)
     limited = stable & (e.saturated > SHARE)  # the motion to a new rest when the drive gets warm
     unstable = ~np.isnan(e.unstable_from) | (grows & ~lost & ~limited & e.constant)
-    band = _band(e)
+    band = band_of(e)
     rest = np.where(e.linear < 0, 0.0, SWING * e.deflection)  # an unstable linear loop explains any oscillation
     least = np.maximum(rest, np.maximum(e.resolution, FLOOR))
     bounces = e.pressed & (e.contacts > MOST_CONTACTS)

@@ -1,0 +1,154 @@
+"""Runs that go on under their last forces, where encoder counts may move the tip on along a surface with friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import palpate
+import pytest
+from palpate import fem
+from palpate.scenario import Scenario
+from palpate.simulation import build_simulation
+from palpate.simulation.continuation import LATER, resting_window, way_on
+from palpate.simulation.evidence import evidence
+from palpate.simulation.judgment import judge
+from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import STAYS, State, band_of
+from palpate.simulation.windows import Window
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """24 x 24 x 12 mm of 60 kPa, bonded below, touched on its top."""
+    path = tmp_path_factory.mktemp("body") / "block.h5"
+    shape = fem.block((0.024, 0.024, 0.012), 0.004)
+    fem.build(shape, young=60e3, fixed="z < 0.001 mm", touch="z > 11.9 mm", order=1, output=path)
+    return path
+
+
+def press(block: Path, force: float = 0.8, aside: float = 0.2, **changes: Any) -> dict[str, Any]:
+    """Return the tables of a tracked force on a body with friction of 0.5, under encoder counts, with an arm."""
+    body = {"file": str(block), "origin": ["12 mm", "12 mm", "12 mm"], "tip": "flat", "radius": "6 mm"}
+    return {
+        "device": {"name": "phantom-premium-1.5a", "encoder": True},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms", "topology": "force_tracking"},
+        "reference": {"shape": "ramp", "rise": "0.1 s", "force": ["0 N", f"{aside} N", f"-{force} N"]},
+        "operator": {"kind": "arm", "mass": "0.1 kg", "damping": "3 N*s/m", "stiffness": "200 N/m"},
+        "object": {
+            "kind": "body",
+            "position": ["0 mm", "0 mm", "-0.1 mm"],
+            "body": {**body, "kind": "compliance", "static_friction": 0.5},
+        },
+        "controller": {"kind": "workspace"},
+        "run": {"duration": "1 s"},
+        **changes,
+    }
+
+
+def moved(trace: Trace) -> float:
+    return float(trace.metadata["continued"]["moved_m"])
+
+
+def test_the_mean_of_an_oscillation_shows_how_far_a_tip_moves_on() -> None:
+    """A tip that oscillates by 20 um about its rest moves on by 30 and 50 um in later stretches of 20 samples."""
+    tip, window = np.zeros((165, 3)), Window(0, 100)
+    tip[:, 0] = 20e-6 * (-1.0) ** np.arange(165)
+    tip[121:141, 1], tip[141:161, 1] = 30e-6, 50e-6
+    assert way_on(tip, window) == pytest.approx(50e-6)
+    assert way_on(tip[:102], window) == 0.0
+
+
+def test_counts_settle_no_tip_that_slips_on_within_four_more_durations(block: Path) -> None:
+    """Tips held by 0.97 of the friction force rest for seconds; then some of them slip by 0.4 to 0.8 mm."""
+    slipped = []
+    for force in (0.795, 0.8, 0.802, 0.805):
+        tables = press(block, force, 0.388, run={"duration": "2 s"})
+        trace, longer = palpate.simulate(tables), palpate.simulate({**tables, "run": {"duration": "10 s"}})
+        np.testing.assert_array_equal(trace["tip"], longer["tip"][:2001])
+        assert trace.verdict.state in (State.SETTLED, State.UNDECIDED)
+        window = resting_window(trace)
+        if window is None:
+            continue
+        way = way_on(longer["tip"], window)
+        assert moved(trace) == way
+        e = evidence(trace, Scenario.from_dict(trace.scenario), window, None)
+        if way > STAYS * band_of(e)[0]:
+            assert trace.verdict.state is State.UNDECIDED
+            alone = replace(trace, metadata={k: v for k, v in trace.metadata.items() if k != "continued"})
+            slipped += [trace.verdict.reason] if alone.verdict.state is State.SETTLED else []
+    assert slipped, "no tip slipped later that the recorded run alone shows at rest"
+    assert all("4 more durations, encoder counts and friction let it move on by" in reason for reason in slipped)
+
+
+def test_the_trace_of_a_continued_run_ends_as_the_scenario_asks(block: Path) -> None:
+    simulation = build_simulation(press(block))
+    trace, alone = simulation.simulate(), simulation.trace(*simulation.run())
+    assert len(trace) == 1001
+    assert trace.metadata["continued"]["duration_s"] == pytest.approx(LATER * 1.0)
+    for name in trace.channels:
+        np.testing.assert_array_equal(trace[name], alone[name])
+    assert "continued" not in alone.metadata
+
+
+def test_a_tip_that_friction_alone_holds_settles_if_the_continued_run_shows_that_it_stays(block: Path) -> None:
+    """The same tip is within 0.5 um of its place after five minutes."""
+    trace = palpate.simulate(press(block, aside=0.24, operator={"kind": "none"}))
+    assert moved(trace) < 2e-6
+    assert trace.verdict.state is State.SETTLED
+    trace.metadata.pop("continued")
+    verdict = judge(trace)
+    assert verdict.state is State.UNDECIDED
+    assert "within two encoder counts, in which a contact with friction may slip on" in verdict.reason
+
+
+def test_a_run_that_records_every_tenth_tick_has_the_same_way_on(block: Path) -> None:
+    every, tenth = (palpate.simulate(press(block, run={"duration": "1 s", "record_every": n})) for n in (1, 10))
+    assert moved(tenth) == moved(every)
+    assert tenth.verdict == every.verdict
+    assert tenth.scenario["run"]["record_every"] == 10
+
+
+def test_windings_do_not_warm_up_in_a_continued_run(block: Path) -> None:
+    """Motors that hold 2.6 N are limited after 2.3 s; the tip goes on as without limits. A second run has them."""
+    free = palpate.simulate(press(block, 3.0))
+    limits = {"name": "phantom-premium-1.5a", "encoder": True, "saturation": True}
+    simulation = build_simulation(press(block, 3.0, device=limits))
+    limited, again = simulation.simulate(), simulation.simulate()
+    assert "the hot drive limits them after another 2." in limited.verdict.reason
+    assert moved(limited) == moved(free)
+    np.testing.assert_array_equal(limited["tip"], again["tip"])
+    assert simulation.setup.limits.continuous_force == simulation.device.continuous_force
+
+
+def test_a_stored_trace_keeps_its_verdict(block: Path, tmp_path: Path) -> None:
+    trace = palpate.simulate(press(block, aside=0.24, operator={"kind": "none"}))
+    assert Trace.load(trace.save(tmp_path / "run.h5")).verdict == trace.verdict
+
+
+def smooth(tables: dict[str, Any]) -> None:
+    tables["object"]["body"]["static_friction"] = 0.0
+
+
+def exact(tables: dict[str, Any]) -> None:
+    tables["device"]["encoder"] = False
+
+
+def late_force(tables: dict[str, Any]) -> None:
+    tables["reference"]["rise"] = "1 s"
+
+
+def moving(tables: dict[str, Any]) -> None:
+    """The object comes to rest, and moves again after the end of the run."""
+    rows = [["0 s", 0.0], ["0.1 s", 0.1], ["2 s", 0.1], ["2.1 s", 5.0]]
+    tables["object"]["frame"] = {"displacement": [[at, f"{x} mm", "0 mm", "0 mm"] for at, x in rows]}
+
+
+@pytest.mark.parametrize("change", [smooth, exact, late_force, moving])
+def test_other_runs_end_when_they_end(block: Path, change: Any) -> None:
+    tables = press(block)
+    change(tables)
+    assert "continued" not in palpate.simulate(tables).metadata

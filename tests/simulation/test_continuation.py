@@ -152,3 +152,17 @@ def test_other_runs_end_when_they_end(block: Path, change: Any) -> None:
     tables = press(block)
     change(tables)
     assert "continued" not in palpate.simulate(tables).metadata
+
+
+def test_a_controller_in_python_is_not_asked_after_the_end_of_its_run(block: Path) -> None:
+    """The tip rests, but the controller may have any state."""
+    times: list[float] = []
+
+    def hold(tick: Any) -> Any:
+        times.append(tick.time)
+        return tick.reference
+
+    trace = palpate.simulate(press(block), controller=hold)
+    assert resting_window(trace) is not None
+    assert "continued" not in trace.metadata
+    assert max(times) <= 1.0

@@ -350,8 +350,8 @@ class Body(IndentableBody):
                     "update_interval: its local models have linear springs; leave it out, or the law of the springs"
                 )
             compliance = body._network_compliance() if static > 0.0 else np.empty((0, 0), dtype=np.float32)
-            make = _core.MultirateBody.mass_spring
-            body.core = make(*arguments, compliance, *options.values(), static, dynamic, *body.update_ticks)
+            arguments += [compliance, *options.values(), static, dynamic, *body.update_ticks]
+            body.core = _core.MultirateBody.mass_spring(*arguments)
             return body
         body.settling_period, body.ramp_time = options["period"], 0.25
         keywords: dict[str, Any] = {**options, "static_friction": static, "dynamic_friction": dynamic}

@@ -82,7 +82,8 @@ def _body_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str
         return None, "the model of the body is updated outside the tick; use palpate certify"
     response = body_response(held)
     if response.asymmetry > ASYMMETRY:
-        return None, "the response of the body to opposite displacements is not the same where the tip rests; use palpate certify"
+        reason = "the response of the body to opposite displacements is not the same where the tip rests"
+        return None, f"{reason}; use palpate certify"
     s, frame = response.system, held.frame
     law = ContactLaw(s.A, s.B @ frame.T, frame @ s.C, frame @ s.D @ frame.T)
     spring: dict[str, Any] = {"kind": "spring", "stiffness": "1 N/m"}

@@ -92,7 +92,7 @@ def test_the_rows_of_a_body_state_its_numbers_in_their_units() -> None:
     assert dict(_rows(body)) == {
         "size": "10 × 20 × 30 mm, 4 cm³",
         "material": "Young's modulus 1 to 5 kPa, Poisson's ratio 0.45, 1050 kg/m³",
-        "region": "a nodule", "surface_layer": "a skin", "fixed": "z < 1 mm, x < 1 mm", "held": "y < 1 mm, y > 2 mm",
+        "region": "a nodule", "layer": "a skin", "fixed": "z < 1 mm, x < 1 mm", "held": "y < 1 mm, y > 2 mm",
         "contact": "z > 9 mm", "elements": "quadratic, 1,234 nodes, 3,702 unknowns", "modes": "2, 20 to 346 Hz",
         "build": "2.5 GB, 12 Gflop; meshing 1.23 s, solving 5.68 s", "versions": "palpate 1.0, numpy 2",
     }  # fmt: skip

@@ -84,7 +84,9 @@ def summary(found: ControllerDesign) -> list[str]:
             f"rad/s, delay margin {1e3 * margins.delay:.3g} ms, {100 * axis.robustness.share:.3g} % of the optimal "
             "robustness",
         ]
-    if math.isfinite(found.bound):
+    if found.bound == 0.0:
+        lines.append("drive: the device has no known limit, so it sets no least time")
+    elif math.isfinite(found.bound):
         lines.append(f"drive: at least {1e3 * found.bound:.3g} ms at the worst pose on the softest object")
     if 0.0 < found.within_reach < 1.0:
         share = f"{100 * found.within_reach:.3g} %"

@@ -40,7 +40,7 @@ struct PatchWeights {
 /// The factor is applied in single precision, so the solution is the change of the step from that of the last period,
 ///   d = h v + (M / h^2 + a M / h + D / h)^-1 (F(x) + f' - a M v - D v) + R (f - f'),
 /// with the forces f' of the last period and the response R to a change. The check of each step covers its rounding error too.
-class MassSpringModel {
+class MassSpringModel {  // NOLINT(clang-analyzer-optin.performance.Padding): one object per body
  public:
   static constexpr double max_step = 2e-3;  ///< longest period of a look-ahead at two rates, s (LinearBodySolver)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import cache
 
@@ -13,6 +14,8 @@ from palpate.fem import Body, block
 from palpate.fem.checks import TipShape
 from palpate.fem.volume import Volume
 from scipy.optimize import nnls
+
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
 Array = NDArray[np.float64]
 UP, PERIOD = np.array([0.0, 0.0, 1.0]), 1e-3
@@ -65,7 +68,7 @@ def wander(rng: np.random.Generator, ticks: int, deep: float) -> Array:
     return np.asarray(path)
 
 
-@pytest.mark.parametrize(("radius", "deep"), [(2.5e-3, 1e-3), (2.5e-3, 4e-3), (4e-3, 2e-3)])
+@pytest.mark.parametrize(("radius", "deep"), [*([(2.5e-3, 1e-3)] if NIGHTLY else []), (2.5e-3, 4e-3), (4e-3, 2e-3)])
 def test_no_closed_path_around_a_slender_body_gives_work(shape: tuple[Body, float], radius: float, deep: float) -> None:
     """Nodes on the flanks and the far side come under the tip and leave it without a force, by its place alone."""
     body, top = shape

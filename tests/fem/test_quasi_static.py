@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -15,6 +16,8 @@ from palpate.fem import BodyError, HyperelasticModel, Law, Material, QuasiStatic
 from palpate.fem.checks import TipShape
 from palpate.fem.quasi_static import _history
 from palpate.fem.selectors import half_space
+
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
@@ -208,7 +211,7 @@ def test_two_tips_feel_each_other_and_add_up_where_presses_are_small() -> None:
     assert 0.5 * before < after < 0.99 * before
 
 
-@pytest.mark.parametrize(("speed", "every"), [(0.2, 30), (0.4, 20), (0.4, 30)])
+@pytest.mark.parametrize(("speed", "every"), [(0.2, 30), (0.4, 20), (0.4, 30)] if NIGHTLY else [(0.4, 30)])
 def test_a_quick_tip_does_not_lose_the_surface(speed: float, every: int) -> None:
     """8 or 12 mm a slow step, over cells of 5 mm: nodes without columns carry it until the next snapshot."""
     volume = block((0.1, 0.04, 0.03), 0.005)

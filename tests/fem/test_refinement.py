@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,8 @@ from palpate.fem.mesh_estimate import FineZone, estimate
 from palpate.fem.mesh_improvement import min_angles
 from palpate.fem.refinement import graded_size, refine
 from palpate.fem.volume import fill_surface
+
+NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -179,7 +182,7 @@ def test_a_mesh_that_would_be_too_large_is_refused() -> None:
         refine(surface_of(BOX), start.points, start.tetrahedra, graded_size(TOP, 1e-3, 0.0, 1e-3), 1e4)
 
 
-@pytest.mark.parametrize("growth", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize("growth", [0.1, 0.3, 1.0] if NIGHTLY else [0.3])
 def test_the_size_of_a_graded_body_is_estimated(tmp_path: Path, growth: float) -> None:
     """Nodes and contact nodes within a factor of two, from the area of the touched region alone."""
     BALL.export(tmp_path / "ball.stl")

@@ -58,8 +58,7 @@ def pressed_at(trace: Recorded, row: int) -> Pressed:
     if choice.supports:  # they change at ticks: between two records the tip counts as already at the second one
         every = scenario.run.record_every
         way = way[-(-np.arange((len(way) - 1) * every + 1) // every)]
-    axes = np.tile([0.0, 0.0, 1.0], (len(way), 1)) if choice.tip == "flat" else np.empty((0, 3))
-    step_body(body.core, np.ascontiguousarray(way), axes, choice, tick_times(scenario, trace.time[: len(way)]))
+    step_body(body.core, way, choice, tick_times(scenario.period, trace.time[: len(way)]))
     return Pressed(body, way[-1], body.displacement(), body.pressure())
 
 
@@ -72,7 +71,7 @@ def resolves_tip(trace: Recorded, row: int) -> bool:
         return False
     scenario, choice, body = found
     tip = _tip_in_body(trace, scenario, body)[row]
-    centers = tip + tool_in_body(choice, trace.time[[row]])[0]
+    centers = tip + tool_in_body(choice, tick_times(scenario.period, trace.time[[row]]))[0]
     return body.record.get("order") == 2 and not any(
         unresolved(body.nodes, center, choice.radius, choice.tip) for center in centers
     )
@@ -87,7 +86,7 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
         return False
     scenario, choice, body = found
     axis = np.array([0.0, 0.0, 1.0]) if choice.tip == "flat" else None
-    times = tick_times(scenario, trace.time[rows])
+    times = tick_times(scenario.period, trace.time[rows])
     centers = _tip_in_body(trace, scenario, body)[rows][:, None] + tool_in_body(choice, times)
     phase = support_phase(scenario, trace.time[rows])
     for number in np.unique(phase):

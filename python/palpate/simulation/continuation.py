@@ -7,11 +7,10 @@ from typing import Final
 import numpy as np
 
 from palpate.arrays import Array
-from palpate.simulation.energy_balance import frame_channels
+from palpate.simulation.energy_balance import own_motions
 from palpate.simulation.evidence import evidence
 from palpate.simulation.recorded import Recorded, external_forces, recorded_scenario
 from palpate.simulation.support_phase import last_change
-from palpate.simulation.tool_motion import tool_poses
 from palpate.simulation.verdict import band_of
 from palpate.simulation.windows import Window, windows
 
@@ -31,8 +30,8 @@ def resting_window(trace: Recorded) -> Window | None:
     if trace.unstable_from is not None or len(trace.time) < 2:
         return None
     window = windows(external_forces(trace, scenario))[-1]
-    changes = any(name in trace for name in frame_channels(scenario)) or last_change(scenario) is not None
-    if not window.constant or changes or tool_poses(scenario, trace.time[:1]).size or trace["saturated"].any():
+    changes = bool(own_motions(trace, scenario)) or last_change(scenario) is not None
+    if not window.constant or changes or trace["saturated"].any():
         return None
     found = evidence(trace, scenario, window, None)
     rubs = not np.isnan(found.fluctuation[0]) and found.resolution[0] > 0.0

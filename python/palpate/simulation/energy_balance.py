@@ -12,7 +12,7 @@ from palpate.simulation.recorded import Recorded, held_tip
 from palpate.simulation.tool_motion import tool_poses
 from palpate.simulation.windows import Window
 
-__all__ = ["EnergyBalance", "energy_balance", "frame_channels"]
+__all__ = ["EnergyBalance", "energy_balance", "own_motions"]
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,7 @@ def energy_balance(trace: Recorded, scenario: Scenario, window: Window) -> Energ
     fifth, end = window.fifth, window.end
     if scenario.servo.topology != "impedance_display" or scenario.run.record_every > 1 or fifth < 2:
         return None
-    if any(np.ptp(trace[name], axis=0).any() for name in frame_channels(scenario) if name in trace):
-        return None
-    if np.ptp(tool_poses(scenario, trace.time), axis=0).any():
+    if any(np.ptp(motion, axis=0).any() for motion in own_motions(trace, scenario)):
         return None
     force, tip = trace["operator_force"], held_tip(trace)
     power = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(tip, axis=0), axis=1)
@@ -61,10 +59,12 @@ def energy_balance(trace: Recorded, scenario: Scenario, window: Window) -> Energ
     return EnergyBalance(float(supplied.max()), *works)
 
 
-def frame_channels(scenario: Scenario) -> list[str]:
-    """Return the names of the channels of the motion of objects that may move by themselves."""
+def own_motions(trace: Recorded, scenario: Scenario) -> list[Array]:
+    """Return the motions (n, k) of the objects and tools that may move by themselves."""
     prefixes = [f"{name}_" if name else "" for name in scenario.each_object]
-    return [f"{prefix}frame_{kind}" for prefix in prefixes for kind in ("position", "rotation")]
+    frames = [f"{prefix}frame_{kind}" for prefix in prefixes for kind in ("position", "rotation")]
+    motions = [*(trace[name] for name in frames if name in trace), tool_poses(scenario, trace.time)]
+    return [motion for motion in motions if motion.shape[1]]
 
 
 def _kinetic_energy_of_arm(time: Array, tip: Array, scenario: Scenario) -> Array:

@@ -12,12 +12,11 @@ from palpate.arrays import Array, Flags
 from palpate.devices import Device
 from palpate.devices.reach import beyond_reach, unreachable
 from palpate.scenario import Scenario
-from palpate.simulation.energy_balance import energy_balance, frame_channels
+from palpate.simulation.energy_balance import energy_balance, own_motions
 from palpate.simulation.friction_hold import arm_spring, friction_hold, friction_of
 from palpate.simulation.linear_evidence import linear_sign
 from palpate.simulation.recorded import Recorded, held_tip, of_each_object
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
-from palpate.simulation.tool_motion import tool_poses
 from palpate.simulation.verdict import BAND, FLOOR, Evidence
 from palpate.simulation.windows import Window
 
@@ -155,9 +154,7 @@ def _friction(trace: Recorded, scenario: Scenario, ending: slice) -> dict[str, f
 
 def moved_until(trace: Recorded, scenario: Scenario) -> int:
     """Return the row in which objects and tools that move by themselves come to rest; 0 if none moves."""
-    motions = [trace[name] for name in frame_channels(scenario) if name in trace]
-    motions.append(tool_poses(scenario, trace.time))
-    rows = [np.flatnonzero(np.diff(motion, axis=0).any(axis=1)) for motion in motions]
+    rows = [np.flatnonzero(np.diff(motion, axis=0).any(axis=1)) for motion in own_motions(trace, scenario)]
     return max((int(moved[-1]) + 1 for moved in rows if len(moved)), default=0)
 
 

@@ -32,14 +32,14 @@ def tool_in_body(choice: BodyChoice, times: ArrayLike = (0.0,)) -> Array:
     return np.asarray(tool_places(choice, times) @ Rotation.from_euler("xyz", choice.rotation).as_matrix())
 
 
-def tick_times(scenario: Scenario, time: ArrayLike) -> Array:
+def tick_times(period: float, time: ArrayLike) -> Array:
     """Return the times without lateness of the ticks at times (n,), s."""
-    return np.asarray(np.floor(np.asarray(time) / scenario.period + 1e-6) * scenario.period)
+    return np.asarray(np.floor(np.asarray(time) / period + 1e-6) * period)
 
 
 def tool_poses(scenario: Scenario, time: ArrayLike) -> Array:
     """Return angles, rad, and opening of each tool that moves at times (n,), s: (n, 4 times their number)."""
-    when = tick_times(scenario, time)
+    when = tick_times(scenario.period, time)
     bodies = [one.object.body for one in scenario.each_object.values()]
     rows = [body.tool.rows() for body in bodies if body is not None and body.tool is not None]
     columns = [np.interp(when, table[:, 0], table[:, axis]) for table in rows for axis in (1, 2, 3, 4)]
@@ -53,17 +53,18 @@ def last_motion(choice: BodyChoice) -> float:
     return float(rows[moving[-1] + 1, 0]) if len(moving) else 0.0
 
 
-def step_body(core: CoreBody, path: Array, axes: Array, choice: BodyChoice, times: Array) -> Array:
+def step_body(core: CoreBody, path: Array, choice: BodyChoice, times: Array) -> Array:
     """Return the core's rows of a body under its tip or tool along a path.
 
     Args:
         core: of the body.
         path: of the tip in the frame of the body (n, 3), m.
-        axes: of a flat end (n, 3), or of a sphere (0, 3).
         choice: of the body.
         times: of the path (n,), s.
     """
     flat = choice.tip == "flat"
+    path = np.ascontiguousarray(path)
+    axes = np.tile([0.0, 0.0, 1.0], (len(path), 1)) if flat else np.empty((0, 3))
     if choice.tool is None:
         return np.asarray(core.simulate_path(path, axes, choice.radius, flat))
     assert isinstance(core, _core.SignedDistanceBody | _core.SupportedBody)

@@ -100,8 +100,8 @@ class HeldTip:
         self.holds_across = self.friction or len(choice.contact_points) > 1
         every_tick = self.friction or self.multirate or self._by_distance or choice.supports is not None
         kept = positions if every_tick else _thin(positions, choice.radius)
-        rows = step_body(self.core, kept, self._axes(kept), choice, scenario.period * np.arange(len(kept), dtype=float))
-        self._check(rows, SHARE)
+        times = scenario.period * np.arange(len(kept), dtype=float)
+        self._check(step_body(self.core, kept, choice, times), SHARE)
         self._position = positions[-1]
         if equilibrium and isinstance(self.core, _core.HyperelasticBody):
             self._equilibrate(self.core)
@@ -158,11 +158,9 @@ class HeldTip:
                 return
 
     def _step(self, positions: Array) -> Array:
+        axes = np.tile([0.0, 0.0, 1.0], (len(positions), 1)) if self._flat else np.empty((0, 3))
         path = np.ascontiguousarray(positions)
-        return self._check(np.asarray(self.core.simulate_path(path, self._axes(path), self.radius, self._flat)))
-
-    def _axes(self, positions: Array) -> Array:
-        return np.tile([0.0, 0.0, 1.0], (len(positions), 1)) if self._flat else np.empty((0, 3))
+        return self._check(np.asarray(self.core.simulate_path(path, axes, self.radius, self._flat)))
 
     def _check(self, rows: Array, share: float = 0.0) -> Array:
         """Return rows of the core, and count their ticks; raise StabilityError if more than a share has no force."""

@@ -11,8 +11,8 @@ from palpate.control.stability_margins import loop_margins
 from palpate.errors import StabilityError
 from palpate.fem.model_spec import LAWS
 from palpate.scenario import Scenario
-from palpate.scenario.body import BodyChoice
 from palpate.simulation.observed_run import LONGEST, SHORTEST, ObservedRun, observe
+from palpate.simulation.support_phase import last_change
 from palpate.simulation.tool_motion import last_motion
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import FAILED, State, Verdict
@@ -181,7 +181,7 @@ def _other_depths(s: Scenario, run: ObservedRun, rest: float) -> list[int]:
     assert choice is not None
     trace = run.trace
     inside = np.flatnonzero(trace["touching"][: run.end + 1, 0])
-    inside = inside[trace.time[inside] >= _last_change(choice) - 1e-6 * s.period]
+    inside = inside[trace.time[inside] >= _last_change(s) - 1e-6 * s.period]
     depth = np.linalg.norm(trace["deflection"], axis=1)
     if inside.size == 0:
         return []
@@ -194,9 +194,11 @@ def _other_depths(s: Scenario, run: ObservedRun, rest: float) -> list[int]:
     return rows
 
 
-def _last_change(choice: BodyChoice) -> float:
-    """Return the time after which supports and tool of a body stay as they are, s."""
-    return max(last_motion(choice), max((change.at for change in choice.supports or ()), default=0.0))
+def _last_change(s: Scenario) -> float:
+    """Return the time after which supports and tool of the body stay as they are, s."""
+    choice = s.object.body
+    assert choice is not None
+    return max(last_motion(choice), last_change(s) or 0.0)
 
 
 def _verdict(found: _Findings) -> Verdict:
@@ -283,7 +285,7 @@ def _method(s: Scenario, found: _Findings) -> list[str]:
     if found.depths:
         at = ", ".join(f"{1e3 * one.depth:.3g} mm: factor {one.stiffness_margin:.4g}" for one in found.depths)
         steps.append(f"Other depths of the run and the stiffness margin there: {at}.")
-    elif s.object.body is not None and (changed := _last_change(s.object.body)) > 0.0:
+    elif (changed := _last_change(s)) > 0.0:
         steps.append(f"No other depth is tested: after {changed:g} s, the last change, the run passes none.")
     return steps
 

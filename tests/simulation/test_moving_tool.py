@@ -74,6 +74,15 @@ def test_a_gripper_that_closes_and_turns_stores_the_work_of_its_tips(ridge: Path
     assert abs(metrics.lost) < 2e-3 * metrics.stored
 
 
+def test_late_ticks_leave_the_work_of_a_tool_as_it_is(ridge: Path) -> None:
+    """The tool has the pose of the tick's own time."""
+    late = tables(ridge, MOVES[2])
+    late["servo"]["jitter"] = "0.3 ms"
+    metrics = palpation_metrics(simulate(Scenario.from_dict(late)))
+    assert metrics is not None
+    assert abs(metrics.lost) < 1e-4 * metrics.stored
+
+
 def test_a_gripper_that_opens_again_gets_back_what_it_gave(ridge: Path) -> None:
     there_and_back = {
         "closed_points": CLOSED,
@@ -205,12 +214,19 @@ def test_a_loop_refuses_a_motion_that_its_tool_does_not_make(ridge: Path) -> Non
     rigid = Loop(Scenario.from_dict(tables(ridge, {})))
     planned = Loop(Scenario.from_dict(tables(ridge, MOVES[0])))
     gripper = Loop(Scenario.from_dict(tables(ridge, {"closed_points": CLOSED})))
+    crossing = Loop(
+        Scenario.from_dict(tables(ridge, {"closed_points": OPEN[::-1], "opening": (("0 s", 1), ("1 ms", 0.8))}))
+    )
+    crossing.run(100)
     refused: list[tuple[Callable[[], object], str]] = [
         (still.move_tool, "a loop moves the tool of a body at rest with that table"),
         (lambda: rigid.move_tool(opening=0.5), "the opening is 1 without closed_points, not 0.5"),
         (lambda: gripper.move_tool(opening=1.5), "the opening is from 0 to 1, not 1.5"),
         (lambda: planned.move_tool([0.0, 0.0, 0.1]), "a motion at 0 s comes before that at 1 s of the scenario"),
         (lambda: gripper.move_tool([0.0, 0.1]), "rotation: three finite numbers, rad"),
+        (lambda: gripper.move_tool(opening="half"), "the opening is from 0 to 1, not 'half'"),  # type: ignore[arg-type]
+        (lambda: gripper.move_tool(opening=None), "the opening is from 0 to 1, not None"),  # type: ignore[arg-type]
+        (lambda: crossing.move_tool(opening=0.5), "closed_points: tips 1 and 2 come to the same place"),
     ]
     for attempt, text in refused:
         with pytest.raises(ScenarioError, match=text):

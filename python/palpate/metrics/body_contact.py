@@ -14,6 +14,8 @@ from palpate.metrics.mesh_contact import LAST
 from palpate.scenario.tool_motion import ToolMotion
 from palpate.simulation.bodies import overlaps_fixed, resolves_tip
 from palpate.simulation.moving_frame import touching_tip, turned_to_object
+from palpate.simulation.recorded import recorded_scenario
+from palpate.simulation.tool_motion import tick_times
 from palpate.simulation.trace import Trace
 from palpate.units import parse_quantity
 
@@ -205,7 +207,9 @@ def _forces_on_paths(trace: Trace) -> list[tuple[Array, Array]]:
     if choice.get("tool") is None:
         return [(whole, tip)]
     points = np.array([parse_quantity(point, "m", size=3) for point in choice["contact_points"]])
-    places = ToolMotion.model_validate(choice["tool"]).places(points, trace.time)
+    scenario = recorded_scenario(trace)  # None if the file of the body is gone
+    times = trace.time if scenario is None else tick_times(scenario.period, trace.time)
+    places = ToolMotion.model_validate(choice["tool"]).places(points, times)
     return [(trace[name], tip + places[:, k]) for k, name in enumerate(_tip_forces(trace))]
 
 

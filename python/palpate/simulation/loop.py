@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -276,21 +277,30 @@ class Loop:
             raise scenario.mistake(
                 "object.body.tool", "a loop moves the tool of a body at rest with that table, which may be empty"
             )
-        pose = np.array([*_vector(rotation, "rotation", "rad"), opening], dtype=float)
-        if not 0.0 <= opening <= 1.0 or (opening < 1.0 and not choice.tool.closed_points):
+        if (
+            not isinstance(opening, Real)
+            or not 0.0 <= opening <= 1.0
+            or (opening < 1.0 and not choice.tool.closed_points)
+        ):
             known = "from 0 to 1" if choice.tool.closed_points else "1 without closed_points"
-            raise scenario.mistake("object.body.tool", f"the opening is {known}, not {opening:g}")
+            raise scenario.mistake("object.body.tool", f"the opening is {known}, not {opening!r}")
+        pose = np.array([*_vector(rotation, "rotation", "rad"), opening], dtype=float)
         rows, half = choice.tool.rows(), 0.5 * self.period
         if self._moved < 0 and len(rows) > 1 and rows[-1, 0] > at - half:
             raise scenario.mistake(
                 "object.body.tool", f"a motion at {at:g} s comes before that at {rows[-1, 0]:g} s of the scenario"
             )
-        self._core.move_tool(pose[:3], pose[3])
         rows = rows[rows[:, 0] < at - half]
         if len(rows) and rows[-1, 0] < at - 3.0 * half:  # at rest until the last sample
             rows = np.vstack([rows, [at - self.period, *rows[-1, 1:]]])
+        tool = choice.tool.following(np.vstack([rows, [at, *pose]]))
+        try:
+            tool.check(choice.contact_points)
+        except ValueError as mistake:
+            raise scenario.mistake("object.body.tool", str(mistake)) from None
+        self._core.move_tool(pose[:3], pose[3])
         self._moved = self.count
-        changed = choice.model_copy(update={"tool": choice.tool.following(np.vstack([rows, [at, *pose]]))})
+        changed = choice.model_copy(update={"tool": tool})
         touched = scenario.object.model_copy(update={"body": changed})
         self._simulation = replace(self._simulation, scenario=scenario.model_copy(update={"object": touched}))
 

@@ -64,7 +64,7 @@ void require(bool possible) {
 }  // namespace
 
 void bind_supports(nb::module_& m) {
-  nb::class_<SupportedCore, BodyInLoop>(m, "SupportedBody", "A linear body without friction whose supports and touched nodes change.")
+  nb::class_<SupportedCore, BodyInLoop>(m, "SupportedBody", "A static linear body whose supports and touched nodes change.")
       .def(
           "__init__",
           [](SupportedCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
@@ -83,7 +83,7 @@ void bind_supports(nb::module_& m) {
           [](SupportedCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
              const std::vector<std::int64_t>& steps, const Roles& roles, const Points& vertices, const IndexRows<3>& triangles,
              const Indices& node, const Numbers& modulus, double poisson, double sideways, int lanes,
-             const std::optional<Points>& contact_points) {
+             const std::optional<Points>& contact_points, double mu_static, double mu_dynamic) {
             if (modulus.shape(0) != at.shape(0) ||
                 (contact_points && contact_points->shape(0) > palpate::deformable::SignedDistanceContact::max_tips))
               throw nb::value_error("the sizes of the body's arrays do not match");
@@ -91,6 +91,7 @@ void bind_supports(nb::module_& m) {
             surface.poisson = poisson;
             const palpate::object::SignedDistanceOptions options{
                 .sideways = sideways,
+                .friction = {mu_static, mu_dynamic},
                 .contact_points = contact_points ? points(*contact_points) : std::vector<palpate::math::Vector3<>>(),
             };
             auto body = palpate::body::make_supported_signed_distance(condensed(at, normals, areas, compliance),
@@ -101,7 +102,8 @@ void bind_supports(nb::module_& m) {
             self->normals = points(normals);
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "steps"_a, "roles"_a, "vertices"_a, "triangles"_a, "node"_a, "modulus"_a,
-          "poisson"_a, "sideways"_a = 1.0, "lanes"_a = 0, "contact_points"_a = nb::none(), "The same with contact by signed distance.")
+          "poisson"_a, "sideways"_a = 1.0, "lanes"_a = 0, "contact_points"_a = nb::none(), "static_friction"_a = 0.0,
+          "dynamic_friction"_a = 0.0, "The same with contact by signed distance.")
       .def(
           "simulate_path",
           [](SupportedCore& self, const Points& centers, const Points& outward, double radius, bool flat,

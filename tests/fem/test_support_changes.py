@@ -241,7 +241,7 @@ def test_a_tool_of_several_tips_follows_changes(body: Body) -> None:
             lambda b: b.viscoelastic("1 ms", instantaneous_ratio=2, retardation_time="1 s").with_support_changes(
                 [], PERIOD
             ),
-            "the kind compliance or signed_distance, not viscoelastic",
+            "signed_distance, or compliance without friction; not viscoelastic",
         ),
         (lambda b: b.with_friction(0.5).with_support_changes([], PERIOD), "without friction"),
         (lambda b: b.with_support_changes([], PERIOD).with_friction(0.5), "without friction"),
@@ -258,3 +258,26 @@ def test_the_first_phase_in_which_no_node_can_be_touched_is_named(coarse: Body) 
     changes = [{"at": "1 ms", "held": LEFT}, {"at": "2 ms", "held": everything}, {"at": "3 ms", "held": LEFT}]
     with pytest.raises(BodyError, match=r"^supports: from 0\.002 s on, no node of the body can be touched$"):
         coarse.with_support_changes(changes, "1 ms")
+
+
+def test_friction_continues_over_a_grasp(coarse: Body) -> None:
+    """A grasp under a tip that drags the surface keeps force and friction; the held body then resists more."""
+    top = coarse.nodes[:, 2].max()
+    middle = coarse.nodes.mean(axis=0)
+    ticks = np.arange(160)
+    way = np.stack(
+        [
+            middle[0] + 2e-4 * np.clip((ticks - 40) / 40, 0.0, 1.0) + 1e-4 * np.clip((ticks - 100) / 40, 0.0, 1.0),
+            np.full(len(ticks), middle[1]),
+            top + 8e-3 - 1e-3 * np.minimum(ticks / 40, 1.0),
+        ],
+        axis=1,
+    )
+    rough = coarse.signed_distance("1 ms", static_friction=1.0)
+    free = rough.simulate_path(way, 8e-3)
+    held = rough.with_support_changes([{"at": "95 ms", "held": LEFT}], PERIOD).simulate_path(way, 8e-3)
+    np.testing.assert_array_equal(held.force[:95], free.force[:95])
+    assert np.linalg.norm(free.friction[94]) > 0.05 * np.linalg.norm(free.force[94])
+    assert np.linalg.norm(held.force[95] - free.force[95]) < 2e-3 * np.linalg.norm(free.force[95])
+    assert np.linalg.norm(held.friction[95] - free.friction[95]) < 1e-2 * np.linalg.norm(free.friction[95])
+    assert np.linalg.norm(held.friction[-1]) > 1.002 * np.linalg.norm(free.friction[-1])

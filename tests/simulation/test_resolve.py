@@ -141,7 +141,14 @@ def test_linear_bodies_run_alike(
 
 
 @pytest.mark.parametrize("tip", ["sphere", "flat"])
-@pytest.mark.parametrize("options", [{}, {"kind": "signed_distance", "sideways_fraction": 0.7}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"kind": "signed_distance", "sideways_fraction": 0.7},
+        {"kind": "signed_distance", "static_friction": 0.5, "dynamic_friction": 0.4},
+    ],
+)
 def test_bodies_whose_supports_change_run_alike(
     program: Path, block: Path, tmp_path: Path, options: dict[str, Any], tip: str
 ) -> None:

@@ -103,8 +103,15 @@ def loop_response(trace: Trace) -> Any:
     return body_response(HeldTip(Scenario.from_dict(trace.scenario), trace["tip"] - trace["tip"][0])).static
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_verdict_is_that_of_the_last_phase(block: Path, kind: str) -> None:
+@pytest.mark.parametrize(
+    ("options", "difference"),
+    [
+        ({"kind": "compliance"}, 1e-4),
+        ({"kind": "signed_distance"}, 1e-4),
+        ({"kind": "signed_distance", "static_friction": 0.5}, 0.03),  # the place depends on the path
+    ],
+)
+def test_the_verdict_is_that_of_the_last_phase(block: Path, options: dict[str, Any], difference: float) -> None:
     """Its linear loop is that of the body with the supports of the last phase, not of the first."""
     stiffness: dict[str, Any] = {}
     for name, body in {
@@ -113,7 +120,7 @@ def test_the_verdict_is_that_of_the_last_phase(block: Path, kind: str) -> None:
         "held": {"held": BESIDE},
         "released": {"supports": [{"at": "10 ms", "held": BESIDE}, {"at": "0.5 s", "held": []}]},
     }.items():
-        trace = simulate(press(block, "2 s", kind=kind, **body))
+        trace = simulate(press(block, "2 s", **options, **body))
         verdict = trace.verdict
         assert verdict.state is State.SETTLED, verdict
         assert verdict.linear is not None
@@ -122,8 +129,8 @@ def test_the_verdict_is_that_of_the_last_phase(block: Path, kind: str) -> None:
         told = "judged after the last change of supports, at " in verdict.reason
         assert told is (name in ("grasped", "released"))
     assert stiffness["held"] > 1.005 * stiffness["free"]
-    assert stiffness["grasped"] == pytest.approx(stiffness["held"], rel=1e-4)
-    assert stiffness["released"] == pytest.approx(stiffness["free"], rel=1e-4)
+    assert stiffness["grasped"] == pytest.approx(stiffness["held"], rel=difference)
+    assert stiffness["released"] == pytest.approx(stiffness["free"], rel=difference)
 
 
 def test_a_change_near_the_end_leaves_the_run_undecided(block: Path) -> None:
@@ -186,7 +193,10 @@ def test_a_run_names_an_overlap_with_what_is_held_at_its_end(block: Path) -> Non
         ({"supports": [*GRASP, *GRASP]}, r"the times must increase, and 0\.4 s follows 0\.4 s"),
         ({"supports": [{"at": "0.1 s"}]}, r"it changes nothing; write for example held"),
         ({"supports": [{"at": "0.1 s", "hold": BESIDE}]}, r"hold"),
-        ({"supports": GRASP, "static_friction": 0.3}, r"need a body without friction"),
+        (
+            {"supports": GRASP, "static_friction": 0.3},
+            r"supports: with friction, supports that change at run time need kind = \"signed_distance\"",
+        ),
         (
             {"supports": GRASP, "kind": "viscoelastic", "instantaneous_ratio": 2, "retardation_time": "1 s"},
             r"of the kind compliance or signed_distance",

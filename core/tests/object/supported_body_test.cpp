@@ -190,9 +190,10 @@ TYPED_TEST(SupportedBodyTest, ADentThatIsHeldStaysAndIsTouchedWhereItIs) {
   EXPECT_FALSE(body->last().lost);
 }
 
-/// Press at random places while supports and touched nodes change at random; the tip rests while they change.
-template <class Phase>
-void expect_no_supply(Tip::Kind kind) {
+/// Press at random places while supports and touched nodes change at random; the tip rests while they change. `make_body` takes the
+/// changes.
+template <class Make>
+void expect_no_supply(Tip::Kind kind, Make make_body, double rounding = 2e-5) {
   std::mt19937 random(1);
   std::uniform_real_distribution<double> unit(0.0, 1.0);
   std::vector<Change> changes{{0, free()}};
@@ -211,7 +212,7 @@ void expect_no_supply(Tip::Kind kind) {
     }
     changes.push_back({every * c, nodes});
   }
-  const auto body = make<Phase>(changes);
+  const auto body = make_body(changes);
   Tip tip = sphere(0.5e-3);
   tip.kind = kind;
   const double above = kind == Tip::Kind::sphere ? radius : 0.0;
@@ -229,7 +230,7 @@ void expect_no_supply(Tip::Kind kind) {
     const ContactResult& now = body->step(tip);
     scale = std::max(scale, now.energy);
     if (phase == 0 && k > 0) {
-      EXPECT_LE(now.energy, before + 2e-5 * scale) << "change " << k / every;
+      EXPECT_LE(now.energy, before + rounding * scale) << "change " << k / every;
       dissipated += now.energy < before - 1e-3 * scale ? 1 : 0;
     }
   }
@@ -238,8 +239,80 @@ void expect_no_supply(Tip::Kind kind) {
 }
 
 TYPED_TEST(SupportedBodyTest, NoChangeSuppliesEnergy) {
-  expect_no_supply<TypeParam>(Tip::Kind::sphere);
-  expect_no_supply<TypeParam>(Tip::Kind::flat);  // also where patches are partly covered
+  const auto smooth = [](const std::vector<Change>& changes) { return make<TypeParam>(changes); };
+  expect_no_supply(Tip::Kind::sphere, smooth);
+  expect_no_supply(Tip::Kind::flat, smooth);  // also where patches are partly covered
+}
+
+TEST(SupportedBodyWithFriction, NoChangeSuppliesEnergy) {
+  for (const double mu : {0.2, 0.8})
+    for (const Tip::Kind kind : {Tip::Kind::sphere, Tip::Kind::flat})
+      expect_no_supply(kind, [mu](const std::vector<Change>& changes) { return make_rough(changes, mu); }, 1e-4);
+}
+
+/// Press by 1 mm, then move aside by `aside` [m], in 40 steps.
+ContactResult drag(BodyWithSupports& body, double aside) {
+  ContactResult last = press(body, 1e-3);
+  for (int k = 1; k <= 20; ++k) last = body.step(sphere(1e-3, aside * k / 20));
+  return last;
+}
+
+TEST(SupportedBodyWithFriction, AGraspUnderATipThatSticksKeepsForceFrictionAndEnergy) {
+  for (const double aside : {0.2e-3, 3e-3}) {  // the tip sticks; it slides
+    const auto body = make_rough({{0, free()}, {40, held_beyond(5e-3)}});
+    drag(*body, aside);
+    const ContactResult before = body->last(), grasped = body->step(sphere(1e-3, aside));
+    EXPECT_EQ(body->changes(), 1);
+    EXPECT_GT(before.friction.norm(), 0.1 * before.force.norm());
+    EXPECT_LT((grasped.force - before.force).norm(), 2e-3 * before.force.norm());
+    EXPECT_LT((grasped.friction - before.friction).norm(), 5e-3 * before.friction.norm());
+    EXPECT_NEAR(grasped.energy, before.energy, 2e-3 * before.energy);
+    EXPECT_EQ(grasped.sliding, before.sliding);
+  }
+}
+
+TEST(SupportedBodyWithFriction, AStickingTipMeetsTheStiffnessOfTheGraspedBody) {
+  // Pulled aside by little after a grasp at rest, the body yields as one that was held from the start, and less than one that is not.
+  const auto held = make_rough({{0, free()}, {5, held_beyond(4e-3)}}), always = make_rough({{0, held_beyond(4e-3)}}),
+             never = make_rough({{0, free()}});
+  for (auto* body : {held.get(), always.get(), never.get()}) {
+    for (int k = 0; k < 6; ++k) body->step(sphere(-1e-3));
+    drag(*body, 0.1e-3);
+  }
+  EXPECT_EQ(held->last().force, always->last().force);
+  EXPECT_GT(held->last().friction.norm(), 1.02 * never->last().friction.norm());
+}
+
+TEST(SupportedBodyWithFriction, AReleasedBodyDraggedOnHasTheFrictionOfOneWithoutSupports) {
+  const auto body = make_rough({{0, free()}, {20, held_beyond(3e-3)}, {60, free()}}), plain = make_rough({{0, free()}});
+  ContactResult one, other;
+  for (int k = 0; k <= 120; ++k) {
+    const Tip tip = sphere(1e-3 * std::min(k / 20.0, 1.0), -4e-3 * std::max(k - 20, 0) / 100.0);
+    one = body->step(tip);
+    other = plain->step(tip);
+  }
+  EXPECT_TRUE(one.sliding);
+  EXPECT_LT((one.force - other.force).norm(), 5e-3 * other.force.norm());
+}
+
+TEST(SupportedBodyWithFriction, APathOverGraspAndReleaseExtractsNoEnergy) {
+  const SupportNodes side = held_beyond(2e-3);
+  for (const auto& [first, second] : {std::pair<int, int>{50, 150}, {150, 380}, {20, 320}, {250, 330}}) {
+    const auto body = make_rough({{0, free()}, {first, side}, {second, free()}}, 0.3);
+    double work = 0.0, largest = 0.0;
+    Vector3<> last_force = Vector3<>::Zero(), last_center = sphere(-0.5e-3).center;
+    for (int k = 0; k <= 400; ++k) {
+      const double s = k / 400.0;
+      const Tip tip = sphere(-0.5e-3 + 2.5e-3 * std::sin(M_PI * s), 3e-3 * std::sin(2.0 * M_PI * s));
+      const Vector3<> force = body->step(tip).force;
+      work -= 0.5 * (force + last_force).dot(tip.center - last_center);
+      last_force = force;
+      last_center = tip.center;
+      largest = std::max(largest, body->last().energy);
+      EXPECT_GE(work - body->last().energy, -2e-3 * largest) << first << " " << second << " " << k;
+    }
+    EXPECT_GT(work - body->last().energy, 0.1 * largest);  // friction dissipates
+  }
 }
 
 TYPED_TEST(SupportedBodyTest, APathOverGraspAndReleaseExtractsNoEnergy) {

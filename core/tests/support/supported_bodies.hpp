@@ -58,6 +58,14 @@ inline SupportNodes held_beyond(double x) {
   return held_where([x](const Vector3<>& p) { return p[0] > x; });
 }
 
+/// By signed distance, with friction.
+inline std::unique_ptr<SupportedBody<SignedDistancePhase>> make_rough(const std::vector<Change>& changes, double mu = 0.5) {
+  palpate::object::SignedDistanceOptions options;
+  options.friction = {mu, mu};
+  return std::make_unique<SupportedBody<SignedDistancePhase>>(surface(), changes,
+                                                              SignedDistancePhase::Maker(half_space().surface, options));
+}
+
 template <class Phase>
 std::unique_ptr<SupportedBody<Phase>> make(std::vector<Change> changes) {
   if constexpr (std::is_same_v<Phase, NormalContactPhase>)

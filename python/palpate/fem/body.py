@@ -99,7 +99,7 @@ class Body(IndentableBody):
             period: of a tick, s or text. A change is that of the first tick at or after its time.
 
         Raises:
-            BodyError: the model is not the compliance or a static one by signed distance, or has friction; the times do
+            BodyError: the model is not the compliance without friction or a static one by signed distance; the times do
                 not increase, a region contains no contact node, no node can be touched, or the compliance of the held
                 nodes is singular.
         """
@@ -108,10 +108,10 @@ class Body(IndentableBody):
         if isinstance(changes, str | Mapping) or not isinstance(changes, Sequence):
             raise BodyError(f"supports: a list of changes is needed, not {changes!r}")
         plan = SupportPlan(tuple(SupportChange.of(change) for change in changes), tick_period(period))
-        if self.kind.name not in (COMPLIANCE.name, "signed_distance") or self.kind.friction[0] > 0.0:
+        if self.kind.name != "signed_distance" and (self.kind.name != COMPLIANCE.name or self.kind.friction[0] > 0.0):
             raise BodyError(
-                "supports: supports that change at run time need a static body without friction: the kind compliance "
-                f"or signed_distance, not {self.kind}"
+                "supports: supports that change at run time need a static body: signed_distance, or compliance "
+                f"without friction; not {self.kind}"
             )
         body = type(self)(self.contents, self.kind._replace(supports=plan))
         body.core = body._supported_core()

@@ -287,6 +287,7 @@ class CondensedBody:
             names = ("vertices", "triangles", "node", "modulus", "poisson", "sideways", "contact_points")
             data = self._signed_distance_arguments()
             arguments = {name: data[name] for name in names if name in data}
+            arguments["static_friction"], arguments["dynamic_friction"] = self.kind.friction
         try:
             return _core.SupportedBody(*self._arrays(), steps=plan.steps, roles=roles, **arguments)
         except ValueError as problem:

@@ -279,10 +279,15 @@ class BodyChoice(Section):
         return self
 
     def _check_supports(self, changes: tuple[SupportChoice, ...]) -> None:
-        if self.kind not in STATIC or self.options.get("static_friction", 0.0) > 0.0:
+        if self.kind not in STATIC:
             raise ValueError(
-                f"supports: supports that change at run time need a body without friction of the kind "
-                f"{' or '.join(STATIC)}; held holds nodes of any kind over the whole run"
+                f"supports: supports that change at run time need a body of the kind {' or '.join(STATIC)}; held holds "
+                "nodes of any kind over the whole run"
+            )
+        if self.kind == "compliance" and self.options.get("static_friction", 0.0) > 0.0:
+            raise ValueError(
+                'supports: with friction, supports that change at run time need kind = "signed_distance"; held holds '
+                "nodes of any kind over the whole run"
             )
         for before, change in pairwise(changes):
             if change.at <= before.at:

@@ -87,7 +87,7 @@ class SignedDistancePhase final : public SignedDistanceBody {
     std::shared_ptr<const deformable::SupportPhase> phase;
   };
 
-  /// The data of every phase of a body, from its whole contact surface. Without friction and memory.
+  /// The data of every phase of a body, from its whole contact surface. Without memory.
   class Maker {
    public:
     Maker(deformable::ContactSurface surface, SignedDistanceOptions options) : surface_(std::move(surface)), options_(std::move(options)) {

@@ -47,7 +47,7 @@ class BodyWithSupports : public DeformableObject {
   [[nodiscard]] BodyWithSupports* with_supports() noexcept final { return this; }
 };
 
-/// A linear body, static and without friction, whose supports change at steps that are known, and on request.
+/// A static linear body whose supports change at steps that are known, and on request. Friction continues over a change.
 ///
 /// Held nodes stay where they are when they are grasped, so a grasp at a displacement displaces the body until it is released
 /// (SupportField). A grasp changes neither displacement nor energy. After a release the body is in its new equilibrium at once; the energy

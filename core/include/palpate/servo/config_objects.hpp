@@ -319,8 +319,7 @@ template <class Model, class Make>
 template <class Phase>
 [[nodiscard]] std::shared_ptr<const object::DeformableObject> read_supported(ConfigReader& reader, const Section& from,
                                                                              deformable::CondensedSurface surface,
-                                                                             deformable::DryFriction friction, typename Phase::Maker make) {
-  if (friction.mu_static > 0.0) from.fail("support_steps", "need a body without friction");
+                                                                             typename Phase::Maker make) {
   const auto changes = read_support_changes(from, surface.size());
   if (!reader.ok()) return nullptr;
   auto body = std::make_shared<object::SupportedBody<Phase>>(std::make_shared<const deformable::CondensedSurface>(std::move(surface)),
@@ -361,7 +360,7 @@ template <class Phase>
       from.fail("support_steps", "need a static body");
       return nullptr;
     }
-    return read_supported<object::SignedDistancePhase>(reader, from, std::move(condensed), friction,
+    return read_supported<object::SignedDistancePhase>(reader, from, std::move(condensed),
                                                        object::SignedDistancePhase::Maker(surface, options));
   }
   return std::make_shared<object::SignedDistanceBody>(
@@ -417,8 +416,10 @@ template <class Phase>
   }
   if (model == "compliance") {
     if (!reader.ok()) return nullptr;
-    if (from.has("support_steps"))
-      return read_supported<object::NormalContactPhase>(reader, from, {points, normals, areas, std::move(full)}, friction, {});
+    if (from.has("support_steps")) {
+      if (rough) from.fail("support_steps", "of a body with friction need the model signed_distance");
+      return read_supported<object::NormalContactPhase>(reader, from, {points, normals, areas, std::move(full)}, {});
+    }
     const deformable::Compliance body(nodes, full.data(), rough);
     return own(std::move(nodes), body, friction);
   }

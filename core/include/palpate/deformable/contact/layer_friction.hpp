@@ -29,6 +29,8 @@ class LayerFriction {
   [[nodiscard]] const DryFriction& coefficients() const noexcept { return friction_; }
   [[nodiscard]] bool sliding(int tip) const noexcept { return sliding_[at(tip)]; }
   void reset() noexcept { sliding_.fill(false); }
+  /// Continue the friction `before` of the same tips; NearNodes has the tractions.
+  void take_over(const LayerFriction& before) noexcept { sliding_ = before.sliding_; }
 
   /// Reduce the traction of a place to what its normal force allows.
   void limit(NearNodes::Place& p) const noexcept {

@@ -112,7 +112,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     results_.fill({});
   }
 
-  /// Let the supports displace the body by `offset`, which must outlive the contact. For a static body without friction.
+  /// Let the supports displace the body by `offset`, which must outlive the contact. For a static body.
   void set_offset(SupportOffset* offset) noexcept {
     offset_ = offset;
     near_.set_offset(offset);
@@ -124,6 +124,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   template <class NodeAfter>
   void take_over(const SignedDistanceContact& before, NodeAfter node_after) noexcept {
     near_.take_over(before.near_, node_after);
+    friction_.take_over(before.friction_);
     placed_ = before.placed_;
     started_ = before.started_;
     taken_over_ = true;
@@ -361,7 +362,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     last_energy_ = stored_energy_ = tick_energy_;
     if (offset_ != nullptr) stored_energy_ += offset_->energy();
     if (!friction_ && !motion_) return;
-    double layers = 0.0;
+    double layers = offset_ != nullptr ? offset_->energy() : 0.0;
     BodyMotion::Period period{.nodes = load_node_.data(), .forces = loads_.data()};
     for (int k = 0; k < near_.engaged(); ++k) {
       move_node(k);

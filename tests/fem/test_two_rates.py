@@ -20,6 +20,10 @@ KINDS: dict[str, tuple[str, dict[str, Any]]] = {
         {"rayleigh_beta": "3 ms", "instantaneous_ratio": 2.0, "retardation_time": "50 ms"},
     ),
     "mass_spring": ("mass_spring", {"rayleigh_beta": "4 ms", "rayleigh_alpha": "10 1/s"}),
+    "hardening springs": (
+        "mass_spring",
+        {"rayleigh_beta": "4 ms", "rayleigh_alpha": "10 1/s", "hardening_strain": 0.1},
+    ),
 }
 every = pytest.mark.parametrize("kind", KINDS)
 
@@ -94,7 +98,7 @@ def test_friction_at_rest_is_near_that_of_one_rate(body: Body, kind: str) -> Non
     one = made(body, kind, **rub).simulate_path(way, RADIUS)
     two = made(body, kind, update_interval="20 ms", **rub).simulate_path(way, RADIUS)
     assert np.linalg.norm(one.friction[-1]) > 0.01
-    allowed = (0.15 if kind == "mass_spring" else 0.1) * np.linalg.norm(one.friction[-1])
+    allowed = (0.15 if "spring" in kind else 0.1) * np.linalg.norm(one.friction[-1])
     assert np.linalg.norm(two.friction[-1] - one.friction[-1]) < allowed
 
 
@@ -174,7 +178,7 @@ def errors_over_speed(body: Body, kind: str | None, interval: int, speed: float)
     }
 
 
-@pytest.mark.parametrize("kind", ["viscoelastic", "modal", "mass_spring"])
+@pytest.mark.parametrize("kind", ["viscoelastic", "modal", "mass_spring", "hardening springs"])
 @pytest.mark.parametrize("speed", [20e-3, 50e-3])
 def test_a_local_model_is_nearer_than_the_last_force(body: Body, kind: str, speed: float) -> None:
     """docs/validation/deformable-bodies.md has the numbers."""

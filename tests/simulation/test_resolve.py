@@ -123,6 +123,7 @@ def press(block: Path, **body: Any) -> dict[str, Any]:
         ("viscoelastic", {"instantaneous_ratio": 2.0, "retardation_time": "50 ms", "update_interval": "7 ms"}),
         ("mass_spring", {"rayleigh_beta": "2 ms", "update_interval": "7 ms"}),
         ("mass_spring", {"rayleigh_beta": "2 ms", "hardening_strain": 0.1}),
+        ("mass_spring", {"rayleigh_beta": "2 ms", "hardening_strain": 0.1, "update_interval": "7 ms"}),
         ("mass_spring", {"rayleigh_beta": "2 ms", "exponent": -6, "stiffness_limit": 8}),
         ("signed_distance", {"sideways_fraction": 0.7}),
         ("signed_distance", {"contact_points": POINTS}),

@@ -325,8 +325,7 @@ class Body(IndentableBody):
         the force grows linearly. The numerical damping of a hardening law is that of its largest stiffness.
 
         Raises:
-            BodyError: a number is out of range, both laws are given, the model needs more than 4 GB, or a body at two
-                rates has nonlinear springs.
+            BodyError: a number is out of range, both laws are given, or the model needs more than 4 GB.
         """
         options = {
             "period": tick_period(period),
@@ -344,17 +343,13 @@ class Body(IndentableBody):
         body.spring_network = self.spring_network
         arguments: list[Any] = [*self._arrays()[:3], *self._network_arrays().values()]
         static, dynamic = body.kind.friction
+        keywords: dict[str, Any] = {**options, "static_friction": static, "dynamic_friction": dynamic}
         if update:
-            if "stiffness_limit" in options:
-                raise BodyError(
-                    "update_interval: its local models have linear springs; leave it out, or the law of the springs"
-                )
             compliance = body._network_compliance() if static > 0.0 else np.empty((0, 0), dtype=np.float32)
-            arguments += [compliance, *options.values(), static, dynamic, *body.update_ticks]
-            body.core = _core.MultirateBody.mass_spring(*arguments)
+            keywords |= {"compliance": compliance, "update_interval": body.update_ticks[0]}
+            body.core = _core.MultirateBody.mass_spring(*arguments, **keywords)
             return body
         body.settling_period, body.ramp_time = options["period"], 0.25
-        keywords: dict[str, Any] = {**options, "static_friction": static, "dynamic_friction": dynamic}
         body.core = _core.MassSpringBody(*arguments, **keywords)
         return body
 

@@ -395,8 +395,6 @@ template <class Phase>
     const double alpha = from.number("rayleigh_alpha", 0.0, 1e9), beta = from.number("rayleigh_beta", 0.0, 1e9);
     deformable::SpringNetworkData network = read_network(from);
     deformable::PatchWeights patches = read_patches(reader, from, count, network.rest_positions.size());
-    if (from.has("update_interval") && network.law.kind != deformable::SpringLaw::Kind::linear)
-      from.fail("update_interval", "does not go with nonlinear springs");
     if (4e-9 * static_cast<double>(count) * static_cast<double>(network.rest_positions.size()) > 4.0)
       from.fail("positions", "and nodes are too many: the model would take more than 4 GB");
     if (!reader.ok()) return nullptr;

@@ -50,6 +50,10 @@ struct SpringKind {
   [[nodiscard]] Model make(double tick) const { return body.model(tick, 10.0, 2e-3); }
   [[nodiscard]] static double top() { return 15e-3; }
 };
+/// Springs that harden to four times their stiffness.
+struct HardeningKind : SpringKind {
+  explicit HardeningKind(double strain = 0.05) { body.data.law = {palpate::deformable::SpringLaw::Kind::cubic, strain, 4.0}; }
+};
 
 template <class Kind>
 double top_of(const Kind& kind) {
@@ -117,12 +121,13 @@ struct LinearBodyTwoRates : testing::Test {
     };
   }
 };
-using Kinds = testing::Types<StaticKind, CreepKind, ModalKind, SpringKind>;
+using Kinds = testing::Types<StaticKind, CreepKind, ModalKind, SpringKind, HardeningKind>;
 struct Names {
   template <class Kind>
   static std::string GetName(int /*index*/) {
     if (std::is_same_v<Kind, StaticKind>) return "compliance";
     if (std::is_same_v<Kind, CreepKind>) return "viscoelastic";
+    if (std::is_same_v<Kind, HardeningKind>) return "hardening";
     return std::is_same_v<Kind, ModalKind> ? "modal" : "mass_spring";
   }
 };
@@ -193,6 +198,29 @@ TYPED_TEST(LinearBodyTwoRates, WorkIsPotentialPlusTankLevel) {
     EXPECT_LT(error, 0.02 * most) << interval;  // quadrature of the work
     EXPECT_LT(excess, 0.02 * most) << interval;
   }
+}
+
+// Law: the local model of pressed springs is stiffer than at rest if they harden, softer if they soften, and the same if they are linear.
+TEST(NonlinearTwoRates, TheLocalModelHasTheTangentCompliance) {
+  const auto ratio = [](const auto& kind) {
+    Servo<std::decay_t<decltype(kind)>> servo(kind, 20);
+    for (int k = 0; k < 1500; ++k) servo.tick(tip_at(kind, 0.4e-3, 0.2e-3, kind.depth * std::min(1e-2 * k, 1.0)));
+    return servo.object.coupling().current_model().compliance_ratio;
+  };
+  SpringKind softening;
+  softening.body.data.law = {palpate::deformable::SpringLaw::Kind::exponential, -10.0, 4.0};
+  EXPECT_LT(ratio(HardeningKind(0.02)), 0.6);
+  EXPECT_GT(ratio(softening), 1.05);
+  EXPECT_EQ(ratio(SpringKind()), 1.0);
+}
+
+// Law: the tangent compliance reduces the error between updates (0.27 with the compliance at rest).
+TEST(NonlinearTwoRates, TheErrorAtTwoRatesIsThatOfTheTangent) {
+  const HardeningKind kind(0.02);
+  const auto path = [&](int k) {
+    return tip_at(kind, kind.aside * std::sin(0.011 * k), 0.8 * kind.aside * std::cos(0.007 * k), kind.depth * std::sin(0.013 * k));
+  };
+  EXPECT_LT(difference(kind, 20, 3000, path).rms, 0.2);
 }
 
 // Law: repeated runs give the same bits.

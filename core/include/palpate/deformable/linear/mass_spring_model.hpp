@@ -77,6 +77,8 @@ class MassSpringModel {  // NOLINT(clang-analyzer-optin.performance.Padding): on
     reset();
   }
 
+  /// Whether the springs have a linear law; large displacements are nonlinear even so.
+  [[nodiscard]] bool linear() const noexcept { return network_.data().law.kind == SpringLaw::Kind::linear; }
   /// False if a mass or volume is not positive.
   [[nodiscard]] bool definite() const noexcept { return factor_.positive_definite(); }
 

@@ -28,8 +28,9 @@ concept HasState = requires(Model& model, const Model& other) { model.take_state
 /// straight line since the last update. The servo is at most two intervals less a tick ahead when the next local model is fully blended in.
 /// A model of the same body with that time as its period (the look-ahead) adopts the state, and gives free displacements and compliance
 /// then. If the model is accurate for short periods only (Model::max_step, s), the look-ahead takes several steps under the forces of the
-/// state; its compliance C is the response to small constant forces from rest. A body at rest stays there, so its local model is exact.
-/// An interval of one tick gives the steps of a body without updates.
+/// state; its compliance C is the response to small constant forces from rest. Such a model may be nonlinear (Model::linear()): a second
+/// look-ahead, under forces larger by a twentieth, gives the tangent compliance as one multiple of C, the ratio of the works of the forces.
+/// A body at rest stays there, so its local model is exact. An interval of one tick gives the steps of a body without updates.
 ///
 /// A late update (in a thread of its own) makes up for at most `max_late` intervals; beyond it the body is slowed down.
 template <ContactModel Model>
@@ -115,6 +116,8 @@ class LinearBodySolver {
  private:
   static constexpr std::int64_t no_tick = INT64_MIN;
   static constexpr double small_displacement = 1e-8;  // m, in the linear range
+  static constexpr double force_step = 0.05;          // relative, of the second look-ahead
+  static constexpr double max_ratio = 10.0;           // of the tangent compliance to that at rest, or its inverse
   struct AtRest {};
 
   LinearBodySolver(const LinearBodySolver& of, AtRest /*tag*/)
@@ -196,9 +199,30 @@ class LinearBodySolver {
       to.lowest_elastic = std::min(to.lowest_elastic, elastic);
       to.lowest_free = std::min(to.lowest_free, to.free_displacement[k]);
     }
+    to.compliance_ratio = 1.0;
+    if constexpr (requires { model_.linear(); })
+      if (look_ahead_steps_ > 1 && !model_.linear()) to.compliance_ratio = tangent_ratio(to, loaded, forces, loads);
     to.has_memory = HasState<Model>;
     to.returnable = HasState<Model> ? energy() : 0.0;
     to.version = ++version_;
+  }
+
+  /// Ratio of the tangent compliance to C along the forces of the state, whose displacements `to` contains.
+  [[nodiscard]] double tangent_ratio(const LinearLocalModel& to, const std::int32_t* loaded, const double* forces, int loads) {
+    std::array<double, static_cast<std::size_t>(TipContact<Model>::capacity)> more{};
+    for (std::size_t c = 0; c < static_cast<std::size_t>(loads); ++c) more[c] = (1.0 + force_step) * forces[c];
+    look_ahead_.take_state(model_);
+    for (int k = 1; k < look_ahead_steps_; ++k) look_ahead_.advance(loaded, more.data(), loads);
+    double work = 0.0, linear_work = 0.0;
+    for (std::size_t c = 0; c < static_cast<std::size_t>(loads); ++c) {
+      const auto k = static_cast<std::size_t>(loaded[c]);
+      double displacement = look_ahead_.free_displacement(loaded[c]);
+      for (std::size_t d = 0; d < static_cast<std::size_t>(loads); ++d)
+        displacement += look_ahead_.compliance(loaded[c], loaded[d]) * more[d];
+      work += forces[c] * (displacement - to.free_displacement[k] - to.elastic_displacement[k]);
+      linear_work += forces[c] * force_step * to.elastic_displacement[k];
+    }
+    return linear_work > 0.0 ? std::clamp(work / linear_work, 1.0 / max_ratio, max_ratio) : 1.0;
   }
 
   const SurfaceNodes* nodes_;

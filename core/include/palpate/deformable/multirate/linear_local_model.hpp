@@ -16,9 +16,13 @@ namespace palpate::deformable {
 /// Local model of a linear body: under forces f along the inward normals that are constant until the time of its use, the nodes are then
 /// at `free_displacement` + C f. C is the compliance over that time, the same for all local models of a body (LinearLocalContact). The
 /// free displacements contain the residual motion from the state; without the forces of the state they are those of `nodes` alone.
+///
+/// Of a nonlinear body C is the compliance at rest. About the forces f0 of the state the nodes are at
+/// `free_displacement` + C f0 + `compliance_ratio` C (f - f0).
 struct LinearLocalModel {
   std::vector<double> free_displacement;     ///< of each node along its inward normal, without force, m
-  std::vector<double> elastic_displacement;  ///< compliance times force at the state, m
+  std::vector<double> elastic_displacement;  ///< compliance times force at the state, C f0, m
+  double compliance_ratio = 1.0;             ///< of the tangent compliance at the state to C
   double lowest_free = 0.0;                  ///< lower bounds of both, m
   double lowest_elastic = 0.0;
   bool has_memory = false;  ///< whether the body may swing or recover when the tip has left
@@ -51,11 +55,12 @@ class LinearLocalContact {
     version_ = model.version;
     scale_ = compliance_scale;
     tip_ = tips.tip[0];
+    const double scale = compliance_scale * model.compliance_ratio;
     state_->held.model = &model;
-    state_->held.remainder = 1.0 - compliance_scale;
+    state_->held.remainder = 1.0 - scale;
     ContactResult& tip = result_.tip[0];
     tip = state_->contact.step(tip_);
-    const double factor = 1.0 / compliance_scale;
+    const double factor = 1.0 / scale;
     tip.force *= factor;
     tip.energy *= factor;
     result_.energy = tip.energy;
@@ -83,7 +88,7 @@ class LinearLocalContact {
   struct Held {
     const Compliance* elastic;
     const LinearLocalModel* model = nullptr;
-    double remainder = 0.0;  // 1 - s
+    double remainder = 0.0;  // 1 - s, with the scale s of the compliance
 
     [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept { return elastic->compliance(i, j); }
     [[nodiscard]] double free_displacement(std::int32_t i) const noexcept {

@@ -14,7 +14,7 @@
 namespace palpate::deformable {
 
 /// Coulomb friction of one tip on the local models of a linear body, node by node (PartialSlip), with the static compliance of the body in
-/// the nodes' tangent planes. Inertia and creep along the surface are neglected.
+/// the nodes' tangent planes, times the compliance ratio of the local model. Inertia and creep along the surface are neglected.
 class LinearLocalSlip {
  public:
   LinearLocalSlip() = default;
@@ -29,8 +29,12 @@ class LinearLocalSlip {
   [[nodiscard]] bool sliding() const noexcept { return slip_.sliding(); }
 
   /// Advance by one period. The tip moved by `tip_motion` [m] and presses `count` nodes with `forces` [N] along their inward normals.
-  void step(const LinearLocalModel& /*model*/, const Vector3<>& /*outward*/, const std::int32_t* contact_nodes, const double* forces,
-            int count, const Vector3<>& tip_motion) noexcept {
+  void step(const LinearLocalModel& model, const Vector3<>& /*outward*/, const std::int32_t* contact_nodes, const double* forces, int count,
+            const Vector3<>& tip_motion) noexcept {
+    if (model.compliance_ratio != ratio_) {
+      ratio_ = model.compliance_ratio;
+      slip_.update_compliance(*this);
+    }
     slip_.step(*nodes_, *this, contact_nodes, forces, full_coverage_.data(), count, tip_motion);
   }
 
@@ -38,15 +42,19 @@ class LinearLocalSlip {
   [[nodiscard]] Vector3<> force(std::int32_t node) const noexcept { return nodes_->tangent_basis(node) * slip_.force(node); }
   [[nodiscard]] Vector3<> displacement(std::int32_t node) const noexcept { return nodes_->tangent_basis(node) * slip_.displacement(node); }
 
-  void reset() noexcept { slip_.reset(); }
+  void reset() noexcept {
+    slip_.reset();
+    ratio_ = 1.0;
+  }
 
   /// Interface for PartialSlip.
-  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return compliance_(i, j); }
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return ratio_ * compliance_(i, j); }
 
  private:
   PartialSlip slip_;
   const SurfaceNodes* nodes_ = nullptr;
   TangentialCompliance compliance_;
+  double ratio_ = 1.0;  // of the tangent compliance to that at rest
   std::array<double, static_cast<std::size_t>(PartialSlip::capacity)> full_coverage_{};
 };
 

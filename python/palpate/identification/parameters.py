@@ -384,7 +384,7 @@ def _usable(rows: WeakRows, coulomb: bool) -> Array:
 
     A sticking joint balances any torque and carries no information; at a reversal the speed is smoothed.
     """
-    return (rows.moving > 0.97).astype(float) if coulomb else np.ones_like(rows.moving)
+    return rows.moving if coulomb else np.ones_like(rows.moving)
 
 
 def _stack(rows: WeakRows, weight: Array, keep: Array, count: int) -> tuple[Array, Array]:

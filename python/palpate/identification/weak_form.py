@@ -57,7 +57,7 @@ class WeakRows:
     Attributes:
         torque: (rows, dof) N*m*s.
         columns: (rows, dof, parameters), base parameters, then viscous, then Coulomb.
-        moving: (rows, dof) fraction of each test function with a known direction of motion.
+        moving: (rows, dof) 1 if the direction of motion is known over the whole test function, else 0.
         time: (rows,) s, middle of each test function.
     """
 
@@ -117,9 +117,16 @@ def weak_rows(
     columns += [speed * row for row in diagonal] + [sign * row for row in diagonal]
     rest = recording.torque.mean(axis=0)
     torque = project(hold, recording.torque - rest) + rest * hold.sum()
-    moving = project(phi, (np.abs(qd) > slowest).astype(float)) / phi.sum()
+    moving = clear_rows(_reverses(qd, slowest), period, tests)
     time = recording.time[len(phi) // 2 :: stride][: len(torque)]
     return WeakRows(torque, np.stack(columns, axis=2), moving, time)
+
+
+def _reverses(speed: Array, slowest: Array) -> Array:
+    """Return where a speed (n, dof) is too slow for its direction to be certain, or has changed its sign, (n, dof)."""
+    marked = np.abs(speed) <= slowest
+    marked[1:] |= speed[1:] * speed[:-1] <= 0.0
+    return np.asarray(marked)
 
 
 def _project(kernel: Array, values: Array, stride: int) -> Array:

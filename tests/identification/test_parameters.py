@@ -10,7 +10,7 @@ from palpate import devices
 from palpate import identification as identify
 from palpate.errors import RecordingError
 from palpate.identification.instruments import expected_angles
-from palpate.identification.parameters import DELAY, _balance, _late_torque, long_run_covariance
+from palpate.identification.parameters import DELAY, _balance, _late_torque, _solve, long_run_covariance
 from palpate.identification.recording import Recording
 from palpate.identification.weak_form import TestFunctions, weak_rows
 from scipy import signal
@@ -69,6 +69,26 @@ def test_intervals_hold_the_truth_of_a_slider_with_dry_friction():
         fit = identify.estimate_parameters(identify.simulate_experiment(device, push, seed=seed), device)
         inside.append((fit.low <= truth(fit, device)) & (truth(fit, device) <= fit.high))
     assert np.mean(inside) >= 0.86
+
+
+@pytest.mark.parametrize("left_out", [0, 200])
+def test_test_functions_that_a_fit_leaves_out_do_not_narrow_its_intervals(left_out):
+    """The joint with the fewest counts: 60 rows, of which eight overlap, and the rows that are zero do not."""
+    draw = np.random.default_rng(0)
+    parameters = identify.base_parameters(SLIDER) + identify.base_parameters(ARM)[:2]
+    columns, noise = draw.normal(size=(80, 2, 3)), draw.normal(size=(80, 2))
+    target = columns @ [1.0, 2.0, 3.0] + noise
+    columns[60:, 1] = target[60:, 1] = 0.0
+    padded = [np.concatenate([one, np.zeros((left_out, *one.shape[1:]))]) for one in (columns, columns, target)]
+    bumps = TestFunctions()
+    fit = _solve(parameters, *padded, bumps, 0.95, "least_squares", 1.0, SLIDER, "a recording")
+    assert fit.freedom == 60 / 8
+    error = target - columns @ fit.value
+    joint = np.mean(error**2, axis=0)
+    moments = np.einsum("rip,ri->rp", columns, error / joint)
+    inverse = np.linalg.inv(np.einsum("rip,riq,i->pq", columns, columns, 1 / joint))
+    wanted = inverse @ long_run_covariance(moments, bumps) @ inverse * 60 / (60 - 1.5)
+    np.testing.assert_allclose(fit.covariance, wanted, rtol=0.05)
 
 
 def test_a_test_function_with_a_reversal_has_no_known_direction():

@@ -55,7 +55,8 @@ class ParameterFit:
         undetermined: names of parameters whose uncertainty affects the torque.
         torque_error: (dof,) residual of the torque, rms, in percent.
         rows: number of test functions.
-        freedom: degrees of freedom of Student's t for the intervals, the number of test functions without overlap.
+        freedom: degrees of freedom of Student's t for the intervals, the number of test functions without overlap, of
+            the joint that has the fewest with a known direction of motion.
         template: device with the known lengths, and with the values to compare.
         file: of the recording, or "a recording".
         doubts: reasons why the intervals may not hold the true values, each a sentence; empty if there is none.
@@ -346,7 +347,8 @@ def _solve(
         value = np.linalg.solve(cross, np.einsum("rip,ri,i->p", z, target, joint**-2))
     error = target - columns @ value
     moments = np.einsum("rip,ri,i->rp", z, error, joint**-2)
-    spread = long_run_covariance(moments, tests) * len(moments) / max(len(moments) - len(value) / len(joint), 1.0)
+    used = float(np.any(columns != 0, axis=2).sum(axis=0).min())  # test functions of the joint with the fewest
+    spread = long_run_covariance(moments, tests) * used / max(used - len(value) / len(joint), 1.0)
     inverse = np.linalg.inv(cross)
     covariance = inverse @ spread @ inverse.T
     relative_std = np.sqrt(np.diag(covariance))[None] * np.sqrt(np.mean(columns**2, axis=0)) / _size(target)[:, None]
@@ -363,7 +365,7 @@ def _solve(
         undetermined,
         100 * np.sqrt(np.mean(error**2, axis=0)) / _size(target),
         len(error),
-        len(error) / (2 * _overlap(tests)),
+        used / (2 * _overlap(tests)),
         device,
         file,
     )

@@ -244,6 +244,23 @@ def test_encoder_counts_cause_ripple_of_the_arm() -> None:
     assert ratios[1] > 10 * ratios[0]
 
 
+@pytest.mark.parametrize("every", [4, 40])
+def test_the_ripple_does_not_depend_on_the_samples_that_a_run_records(every: int) -> None:
+    """A ripple of five times the threshold near 240 Hz; every fourth sample shows it as one below the threshold."""
+    arm = {"kind": "arm", "mass": "150 g", "damping": "4.5 N*s/m", "stiffness": "560 N/m",
+           "tissue_stiffness": "500 N/m", "tissue_damping": "0.5 N*s/m"}  # fmt: skip
+    push = {"shape": "step", "force": ["3 N", "0 N", "0 N"]}
+    tables = slider("500 N/m", "4 N*s/m", operator={**arm, **push})
+    tables["device"]["encoder"] = True
+    all_of_them, few = (
+        measure_performance({**tables, "run": {"duration": "2 s", "record_every": n}}).ripple for n in (1, every)
+    )
+    assert all_of_them is not None
+    assert few is not None
+    assert all_of_them.ratio > 3.0
+    assert (few.worst, few.ratio) == (all_of_them.worst, all_of_them.ratio)
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [

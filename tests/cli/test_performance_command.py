@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -72,8 +73,8 @@ def test_the_measures_of_a_loop_are_told_line_by_line(tmp_path: Path, monkeypatc
             "device: peak force 8.5 to 9.25 N, tip mass 60 to 123 g, isotropy 0.46 (Jacobian), 0.79 (inertia)" + end,
             "along (1, 0, -0.123): stiffness at rest 1235 N/m; transparent to within 23 % up to 12.3 Hz; rate-hardness "
             "543.2 N/m; force bandwidth 98.8 Hz; static error 1.23 %",
-            "along (1, 0, -0.123): infinite stiffness at rest; nowhere transparent to 23 %; force bandwidth 98.8 Hz; "
-            "static error 1.23 %",
+            "along (1, 0, -0.123): infinite stiffness at rest; not transparent to within 23 % at 0.1 Hz; force "
+            "bandwidth 98.8 Hz; static error 1.23 %",
             ("a [remark] " * 12).strip(),
             str(out / "performance.html"),
             str(out / "performance.json"),
@@ -116,3 +117,17 @@ def test_the_comparison_of_guards_is_told_line_by_line(tmp_path: Path, monkeypat
     assert lines[9:] == [str(tmp_path / "out" / "guards.json")]
     assert (asked["period"], asked["delay"]) == (1e-3, 0)
     np.testing.assert_array_equal(asked["given"][1], [0.0])
+
+
+def test_a_loop_that_is_transparent_above_the_lowest_frequency_is_not_called_nowhere_transparent(
+    tmp_path: Path,
+) -> None:
+    """A gain of 1.3 deviates by 30 % at rest; the mass of the device takes some of it from 1.6 to 4.2 Hz."""
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO + 'controller = { kind = "gain", gain = [1.3, 1.3, 1.3] }\n', "utf-8")
+    result = CliRunner().invoke(app, ["performance", str(path), "--out", str(tmp_path)])
+    assert "not transparent to within 23 % at 0.1 Hz" in result.stdout
+    (along,) = json.loads((tmp_path / "performance.json").read_text("utf-8"))["directions"]
+    f = np.array(along["frequency_Hz"])
+    impedance = np.array(along["impedance_real_N_s_per_m"]) + 1j * np.array(along["impedance_imag_N_s_per_m"])
+    assert np.abs(2j * np.pi * f * impedance / 50.0 - 1.0).min() < 0.23

@@ -54,7 +54,9 @@ def performance(
         stiffness, transparent = one.static_stiffness, one.transparency_bandwidth
         parts = [
             "infinite stiffness at rest" if math.isinf(stiffness) else f"stiffness at rest {stiffness:.4g} N/m",
-            f"transparent to within 23 % up to {transparent:.3g} Hz" if transparent else "nowhere transparent to 23 %",
+            f"transparent to within 23 % up to {transparent:.3g} Hz"
+            if transparent
+            else "not transparent to within 23 % at 0.1 Hz",
             *([] if math.isnan(one.rate_hardness) else [f"rate-hardness {one.rate_hardness:.4g} N/m"]),
             f"force bandwidth {one.bandwidth:.3g} Hz",
             f"static error {100 * one.precision:.3g} %",

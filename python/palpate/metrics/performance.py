@@ -48,7 +48,7 @@ class DirectionalPerformance:
         static_stiffness: N/m; inf with an integrator that admits no steady deflection.
         band_stiffness: (smallest, largest) Re(rendered) from 0.5 to 8 Hz, N/m.
         transparency_bandwidth: frequency up to which rendered and desired stiffness differ by at most 23 %, Hz; 0:
-            none.
+            they differ by more at the lowest frequency, 0.1 Hz, and may agree above it.
         rate_hardness: over the first 10 ms of contact, N/m; nan unless the loop is an impedance display with a damper
             by backward difference.
         bandwidth: -3 dB frequency of the force on the operator per command, or of the object force per reference, Hz;

@@ -131,3 +131,14 @@ def test_a_loop_that_is_transparent_above_the_lowest_frequency_is_not_called_now
     f = np.array(along["frequency_Hz"])
     impedance = np.array(along["impedance_real_N_s_per_m"]) + 1j * np.array(along["impedance_imag_N_s_per_m"])
     assert np.abs(2j * np.pi * f * impedance / 50.0 - 1.0).min() < 0.23
+
+
+def test_a_damper_without_stiffness_has_no_static_error(tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO.replace('"50 N/m"', '"0 N/m", damping = "1 N*s/m"'), "utf-8")
+    result = CliRunner().invoke(app, ["performance", str(path), "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert "static error" not in result.stdout
+    (along,) = json.loads((tmp_path / "performance.json").read_text("utf-8"))["directions"]
+    assert along["static_precision"] is None
+    assert along["static_stiffness_N_per_m"] == pytest.approx(0.0, abs=1e-3)

@@ -59,7 +59,7 @@ def performance(
             else "not transparent to within 23 % at 0.1 Hz",
             *([] if math.isnan(one.rate_hardness) else [f"rate-hardness {one.rate_hardness:.4g} N/m"]),
             f"force bandwidth {one.bandwidth:.3g} Hz",
-            f"static error {100 * one.precision:.3g} %",
+            *([] if math.isnan(one.precision) else [f"static error {100 * one.precision:.3g} %"]),
         ]
         output.print(f"  along ({where}): {'; '.join(parts)}", markup=False, soft_wrap=True)
     output.print(f"  {found.remark}", markup=False, soft_wrap=True)

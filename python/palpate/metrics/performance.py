@@ -53,7 +53,8 @@ class DirectionalPerformance:
             by backward difference.
         bandwidth: -3 dB frequency of the force on the operator per command, or of the object force per reference, Hz;
             inf: above half the sampling rate.
-        precision: relative error of the static force: of the rendered stiffness, or of the object force per reference.
+        precision: relative error of the static force: of the rendered stiffness, or of the object force per reference;
+            nan: a display of an object without stiffness.
     """
 
     direction: tuple[float, float, float]
@@ -255,10 +256,11 @@ def _static_stiffness(loop: LoopResponse, n: Array) -> float:
 
 
 def _precision(loop: LoopResponse, n: Array, static: float | None) -> float:
-    """Return the relative error of a static stiffness, N/m, or of the tracked force if it is None."""
+    """Return the relative error of a static stiffness, N/m, or of the tracked force if it is None; nan: of a damper."""
     if static is None:
         return abs(float((n @ loop.reference([1e-3])[0] @ n).real) - 1.0)
-    return abs(static / float((n @ loop.desired(np.array([1e-3]))[0] @ n).real) - 1.0)
+    desired = float((n @ loop.desired(np.array([1e-3]))[0] @ n).real)
+    return abs(static / desired - 1.0) if desired != 0.0 else float("nan")
 
 
 def _ripple(s: Scenario, trace: Trace) -> tuple[Ripple | None, str]:

@@ -64,7 +64,11 @@ def test_the_measures_of_a_loop_are_told_line_by_line(tmp_path: Path, monkeypatc
         (bare, ""),
     ):
         found = SimpleNamespace(
-            device=one, along=[along(), nothing], remark="a [remark] " * 12, save=lambda p: p.write_text("{}")
+            device=one,
+            along=[along(), nothing],
+            remark="a [remark] " * 12,
+            assumption="An arm.",
+            save=lambda p: p.write_text("{}"),
         )
         monkeypatch.setattr("palpate.metrics.measure_performance", lambda *_, found=found, **__: found)
         out = tmp_path / ("[o]" * 30)
@@ -75,6 +79,7 @@ def test_the_measures_of_a_loop_are_told_line_by_line(tmp_path: Path, monkeypatc
             "543.2 N/m; force bandwidth 98.8 Hz; static error 1.23 %",
             "along (1, 0, -0.123): infinite stiffness at rest; not transparent to within 23 % at 0.1 Hz; force "
             "bandwidth 98.8 Hz; static error 1.23 %",
+            "An arm.",
             ("a [remark] " * 12).strip(),
             str(out / "performance.html"),
             str(out / "performance.json"),

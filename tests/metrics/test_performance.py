@@ -174,6 +174,23 @@ def test_force_on_a_hand_is_divided_between_hand_and_device() -> None:
     assert abs(through[0]) == pytest.approx(1.0, rel=1e-3)
 
 
+def test_an_arm_that_the_force_bandwidth_assumes_is_stated() -> None:
+    """The same number as with that arm in the scenario, which is then no assumption. Force tracking has no such arm."""
+    run = {"duration": "20 ms"}
+    bare = measure_performance(slider(run=run))
+    arm = {"kind": "arm", "mass": "150 g", "damping": "4.5 N*s/m", "stiffness": "560 N/m",
+           "tissue_stiffness": "500 N/m", "tissue_damping": "0.5 N*s/m"}  # fmt: skip
+    held = measure_performance(slider(operator=arm, run=run))
+    assert bare.along[0].bandwidth == held.along[0].bandwidth
+    assert bare.assumption == bare.to_dict()["assumption"] == (
+        "The scenario has no arm; the force bandwidth assumes one of 0.15 kg, 4.5 N s/m and 560 N/m behind tissue of "
+        "500 N/m and 0.5 N s/m."
+    )  # fmt: skip
+    assert held.assumption == ""
+    tracking = {"servo": {"period": "1 ms", "topology": "force_tracking"}, "operator": {"kind": "none"}}
+    assert measure_performance(slider(**tracking, reference={"force": "0.1 N"}, run=run)).assumed_arm is None
+
+
 def test_force_on_a_hand_at_an_arm_is_that_of_the_joints_with_the_hand_as_their_spring() -> None:
     """n^T H J (Z + J^T H J)^-1 J^T n, solved in joint coordinates in place of those of the tip."""
     pose = ["0 rad", "2.2305 rad", "3.2776 rad"]

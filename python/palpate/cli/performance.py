@@ -62,7 +62,9 @@ def performance(
             *([] if math.isnan(one.precision) else [f"static error {100 * one.precision:.3g} %"]),
         ]
         output.print(f"  along ({where}): {'; '.join(parts)}", markup=False, soft_wrap=True)
-    output.print(f"  {found.remark}", markup=False, soft_wrap=True)
+    for sentence in (found.assumption, found.remark):
+        if sentence:
+            output.print(f"  {sentence}", markup=False, soft_wrap=True)
     print_paths(paths)
 
 

@@ -88,6 +88,7 @@ class Performance:
             the contact is too short.
         remark: the ripple in words.
         device: measures of the device itself at that pose, as its file gives them.
+        assumed_arm: arm that the force bandwidth of an impedance display assumes, as the scenario has none; else None.
     """
 
     title: str
@@ -97,6 +98,21 @@ class Performance:
     ripple: Ripple | None
     remark: str
     device: DeviceMeasures
+    assumed_arm: HumanArm | None = None
+
+    @property
+    def assumption(self) -> str:
+        """Return the sentence about the assumed arm; "" if none is assumed."""
+        a = self.assumed_arm
+        if a is None:
+            return ""
+        tissue = ""
+        if a.tissue_stiffness is not None:
+            tissue = f" behind tissue of {a.tissue_stiffness:g} N/m and {a.tissue_damping:g} N s/m"
+        return (
+            f"The scenario has no arm; the force bandwidth assumes one of {a.mass:g} kg, {a.damping:g} N s/m and "
+            f"{a.stiffness:g} N/m{tissue}."
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers for JSON; values that are not finite become null."""
@@ -107,6 +123,7 @@ class Performance:
         return {
             "title": self.title,
             "hold_bandwidth_Hz": plain(self.hold_bandwidth),
+            "assumption": self.assumption or None,
             "device": {
                 "peak_force_N": [plain(x) for x in self.device.peak_force],
                 "continuous_force_N": [plain(x) for x in self.device.continuous_force],
@@ -186,7 +203,8 @@ def measure_performance(
     report("simulating", 0.5)
     ripple, remark = _ripple(s, simulate(s) if trace is None else trace)
     measures = device_measures(loop.device, loop.pose)
-    return Performance(s.title, s.servo.topology, 0.442946 / s.period, along, ripple, remark, measures)
+    assumed = DEFAULT_ARM if s.servo.topology == "impedance_display" and scenario_arm(s) is None else None
+    return Performance(s.title, s.servo.topology, 0.442946 / s.period, along, ripple, remark, measures, assumed)
 
 
 def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerformance:

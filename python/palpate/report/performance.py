@@ -65,6 +65,8 @@ def performance_page(p: Performance) -> Page:
         "Measures of the device at this pose, after Hayward & Astley (1996), over the principal axes of the tip's "
         "inertia; from its file, without the loop.",
     )
+    if p.assumption:
+        page.paragraph(p.assumption)
     page.paragraph(
         "The just-noticeable difference of stiffness is about 23 % (Jones & Hunter 1990). The rendered impedance "
         "includes the device's mass and friction, and the controller if it tracks force."

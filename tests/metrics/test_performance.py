@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from palpate import simulate
 from palpate.cli.main import app
+from palpate.devices import Device
 from palpate.errors import StabilityError
 from palpate.linear import HumanArm
 from palpate.metrics import (
@@ -221,8 +222,27 @@ def test_rate_hardness_of_a_bounce_written_out(stiffness: float, damping: float,
     assert rate_hardness(loop, (1, 0, 0)) == pytest.approx(held / 10e-3, rel=1e-8)
     if delay == 0 and damping == 0.0:
         assert held / 10e-3 == pytest.approx(stiffness * 0.9, rel=0.1)  # nine samples' way, and the bounce
-    with pytest.raises(StabilityError, match="longer than the delay"):
-        rate_hardness(loop, (1, 0, 0), window=T if delay else 4e-4)
+    with pytest.raises(StabilityError, match="at least one period, 1 ms"):
+        rate_hardness(loop, (1, 0, 0), window=4e-4)
+
+
+@pytest.mark.parametrize("period", [2e-3, 1e-3, 1e-4])
+@pytest.mark.parametrize("delay", [0, 1, 4])
+def test_rate_hardness_of_a_spring_at_a_heavy_device_is_that_of_the_last_sample_that_acts(
+    period: float, delay: int
+) -> None:
+    """The held force at 10 ms is that of the sample one period and the delay before."""
+    tables = slider("200 N/m", delay=delay)
+    tables["servo"]["period"] = f"{1e3 * period} ms"
+    loop = response(tables)
+    heavy = Device(loop.device.name, "", "slider", loop.device.parameters.with_values(mass__tip=1e4))
+    found = rate_hardness(replace(loop, device=heavy), (1, 0, 0))
+    assert found == pytest.approx(200.0 * (1.0 - (delay + 1) * period / 10e-3), rel=1e-3)
+
+
+def test_no_force_arrives_within_a_delay_of_the_window() -> None:
+    found = measure_performance(slider(delay=12, run={"duration": "20 ms"}))
+    assert found.along[0].rate_hardness == 0.0
 
 
 def test_threshold_of_touch() -> None:

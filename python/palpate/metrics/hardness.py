@@ -18,8 +18,9 @@ def rate_hardness(loop: LoopResponse, along: ArrayLike, window: float = 10e-3) -
 
     Initial force rate over initial velocity (Lawrence, Lee, Pao & Novoselov 1996). The free device moves along
     ``along``, is sampled at the moment of contact, and its linear loop is simulated exactly. The force is the held and
-    delayed command. A pure spring in contact with a heavy device without delay gives its own stiffness. Damping adds B
-    over the window; the rebound of a light device and delay reduce the result.
+    delayed command at the end of the window, so a pure spring in contact with a heavy device gives 1 - (n + 1) T/window
+    of its stiffness with a delay of n samples. Damping adds B over the window; the rebound of a light device reduces
+    the result. A delay of the window or more gives 0.
 
     Args:
         loop: device, servo and object.
@@ -27,15 +28,15 @@ def rate_hardness(loop: LoopResponse, along: ArrayLike, window: float = 10e-3) -
         window: averaging time from contact on, s.
 
     Raises:
-        StabilityError: a window that is not positive or not longer than the delay.
+        StabilityError: a window that is not positive or shorter than a period.
     """
     length = round(positive(window, "window", "s") / loop.period)
-    if length <= loop.delay:
-        raise StabilityError(
-            f"window must be longer than the delay and one period, {1e3 * (loop.delay + 1) * loop.period:g} ms"
-        )
+    if length < 1:
+        raise StabilityError(f"window must be at least one period, {1e3 * loop.period:g} ms")
     if loop.coupling != "backward":
         raise StabilityError('rate hardness needs an object damped by backward difference; write coupling = "backward"')
+    if length <= loop.delay:
+        return 0.0
     n = np.asarray(along, dtype=float) / np.linalg.norm(along)
     device, pose = loop.device, loop.pose
     jacobian = device.jacobian(pose)

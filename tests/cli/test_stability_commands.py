@@ -1,4 +1,4 @@
-"""What `zwidth` prints of a map, line by line."""
+"""What `zwidth` prints of a map, line by line, and the errors of the commands that analyze a loop."""
 
 from __future__ import annotations
 
@@ -70,3 +70,54 @@ def test_a_z_width_is_told_line_by_line(
     assert [line.strip() for line in result.stdout.splitlines()] == [*(line for line in lines if line), *written]
     assert asked == [("A [slider]", False)]
     assert (out / "zwidth.html").read_text("utf-8") == "a page"
+
+
+DISPLAY = """title = "A display"
+device = { name = "phantom-premium-1.5a" }
+start = { pose = ["0 rad", "2.2305 rad", "3.2776 rad"] }
+servo = { period = "1 ms", topology = "impedance_display" }
+run = { duration = "0.1 s" }
+
+[operator]
+kind = "arm"
+mass = "0.15 kg"
+damping = "4.5 N*s/m"
+stiffness = "200 N/m"
+force = ["0 N", "0 N", "-0.4 N"]
+
+"""
+FREE = DISPLAY + '[object]\nkind = "none"\n'
+GUARDED = DISPLAY + '[object]\nkind = "spring"\nstiffness = "50 N/m"\n\n[guard]\nkind = "energy_bound"\n'
+MOVING = DISPLAY + (
+    '[object]\nkind = "spring"\nstiffness = "50 N/m"\n\n[object.frame]\n'
+    'displacement = [["0 s", "0 mm", "0 mm", "0 mm"], ["1 s", "0 mm", "0 mm", "5 mm"]]\n'
+)
+BEYOND = DISPLAY + (
+    '[object]\nkind = "body"\nposition = ["0 mm", "0 mm", "-60 mm"]\n\n[object.body]\nshape = "block"\n'
+    'size = ["24 mm", "24 mm", "16 mm"]\nyoung = "10 kPa"\nspacing = "8 mm"\nradius = "6 mm"\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "command", "place"),
+    [
+        (FREE, "certify", "one.toml, line 15: object.kind: nothing is touched"),
+        (FREE, "zwidth", "one.toml, line 15: object.kind: nothing is touched"),
+        (FREE, "performance", 'one.toml, line 15: object.kind: "none" has no stiffness'),
+        (GUARDED, "certify", "one.toml, line 19: guard.kind: a guard makes the loop nonlinear"),
+        (GUARDED, "workspace", "one.toml, line 19: guard.kind: a guard makes the loop nonlinear"),
+        (MOVING, "zwidth", "one.toml, line 18: object.frame: an analysis takes an object at rest"),
+        (BEYOND, "zwidth", "one.toml, line 14: object: the response of the body is unknown: the tip does not touch"),
+        (BEYOND, "performance", "one.toml, line 14: object: the performance is that of a contact that lasts"),
+        (SCENARIO.replace("A [slider]", "one"), "workspace", "one.toml, line 2: device.name: slider has 1 of the"),
+    ],
+)
+def test_an_analysis_that_does_not_suit_the_scenario_names_the_file_and_the_line(
+    text: str, command: str, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    Path("one.toml").write_text(text, "utf-8")
+    done = CliRunner().invoke(app, [command, "one.toml"])
+    assert done.exit_code == 2, done.output
+    assert done.stderr.strip().splitlines()[-1].startswith(f"error: {place}")

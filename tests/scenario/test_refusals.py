@@ -800,8 +800,8 @@ stiffness = "2 N/mm"
     ]
     told = str(alone["b"].mistake("object.stiffness", "no"))
     assert told == "it.toml, line 9: objects.b.stiffness: no"
-    assert str(alone["b"].mistake("servo.period", "no")) == "servo.period: no"
-    assert str(scenario.mistake("object.stiffness", "no")) == "object.stiffness: no"
+    assert str(alone["b"].mistake("servo.period", "no")) == "it.toml: servo.period: no"
+    assert str(scenario.mistake("object.stiffness", "no")) == "it.toml: object.stiffness: no"
     single = Scenario.from_dict(tables())
     assert single.each_object == {"": single}
     assert str(single.mistake("object.stiffness", "no")) == "object.stiffness: no"

@@ -104,5 +104,5 @@ def test_a_controller_that_divides_by_the_stiffness_has_no_such_certificate() ->
         "controller": controller,
     }
     del tables["operator"]
-    with pytest.raises(StabilityError, match="controller: it divides by the object's stiffness"):
+    with pytest.raises(StabilityError, match=r"controller\.normalize: it divides by the object's stiffness"):
         rest_certificate._certificate(Scenario.from_dict(tables), None, None, "")  # type: ignore[arg-type]

@@ -77,10 +77,11 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
         loaded = load_scenario(scenario, settings)
         device, start = loaded.load_device(), loaded.start
         pose = device.inverse(start.tip) if start.tip is not None else start.pose
-        found = compare_guards(
-            device, pose, loaded.object.normal, period=loaded.period, delay=loaded.device.delay, progress=tell
-        )
-        couplings = design_couplings(device, pose, period=loaded.period)
+        with loaded.naming_place():
+            found = compare_guards(
+                device, pose, loaded.object.normal, period=loaded.period, delay=loaded.device.delay, progress=tell
+            )
+            couplings = design_couplings(device, pose, period=loaded.period)
         folder = out if out is not None else Path("results") / default_name(scenario)
         paths = write_folder(folder, {"guards.json": found.save})
     axis = found.axis

@@ -60,12 +60,16 @@ def body_loop_response(scenario: Scenario) -> BodyLoopResponse:
         raise StabilityError('device.model: "experimental" has no motion between samples; use "nonlinear"')
     if scenario.controller.normalizes:
         raise StabilityError(
-            "controller: it divides by the stiffness, and the law from a body's motion to the scaled forces is not "
-            "linear; judge and measure it on a spring, and run it on the body with palpate.simulate"
+            "controller.normalize: it divides by the stiffness, and the law from a body's motion to the scaled forces "
+            "is not linear; judge and measure it on a spring, and run it on the body with palpate.simulate"
         )
     run = observe(scenario)
     if not run.lasts:
-        raise StabilityError(f"the performance is that of a contact that lasts. {run.sentence}")
+        found = run.sentence[0].lower() + run.sentence[1:].rstrip(".")
+        raise StabilityError(
+            f"object: the performance is that of a contact that lasts, and this one does not: {found}; move "
+            "the body (object.position), press more gently, or press longer (run.duration)"
+        )
     held = HeldTip(scenario, run.trace["tip"][: run.held + 1] - run.trace["tip"][0])
     response: BodyResponse | MultirateResponse
     if held.multirate:

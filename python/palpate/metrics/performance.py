@@ -190,6 +190,12 @@ def measure_performance(
     """
     report = progress or (lambda _text, _fraction: None)
     s = read_scenario(scenario, controller)
+    with s.naming_place():
+        return _measure(s, report)
+
+
+def _measure(s: Scenario, report: Progress) -> Performance:
+    """Return the performance of a scenario's loop; errors as `measure_performance`, without their place."""
     require_linear_parts(s)
     s = s.model_copy(update={"run": s.run.model_copy(update={"record_every": 1})})  # fewer samples alias the ripple
     trace = simulate(s) if s.object.kind == "mesh" else None

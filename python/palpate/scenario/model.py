@@ -6,7 +6,8 @@ after reading. `Scenario.to_dict` returns the text, so that a trace can contain 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -23,7 +24,7 @@ from pydantic import (
 )
 
 from palpate.devices import Device, load
-from palpate.errors import DeviceError, PoseError, ScenarioError
+from palpate.errors import DesignError, DeviceError, PoseError, ScenarioError, StabilityError
 from palpate.files import find_line
 from palpate.scenario.design_options import options_text, sort_options
 from palpate.scenario.fields import (
@@ -480,8 +481,34 @@ class Scenario(Section):
         if field.startswith("object."):
             field = f"{self._place}.{field.removeprefix('object.')}"
         line = None if self._text is None else find_line(self._text, field.split("."))
-        place = "" if line is None else f"{self._name}, line {line}: "
+        file = "" if self._text is None else f"{self._name}: "
+        place = file if line is None else f"{self._name}, line {line}: "
         return ScenarioError(f"{place}{field}: {sentence}")
+
+    @contextmanager
+    def naming_place(self) -> Iterator[None]:
+        """Name the file and the line in errors of an analysis of the scenario, as `mistake` does.
+
+        The line is that of the key with which the message begins. Without such a key, the file alone is named. The
+        errors of a scenario without a file remain as they are.
+
+        Raises:
+            StabilityError, DesignError, PoseError: one of them was raised within; the place precedes its message.
+        """
+        try:
+            yield
+        except (StabilityError, DesignError, PoseError) as problem:
+            text = str(problem)
+            if self._text is None or text.startswith((f"{self._name}:", f"{self._name}, line ")):
+                raise
+            raise type(problem)(self._with_place(text)) from problem
+
+    def _with_place(self, message: str) -> str:
+        """Return a message with the file, and with the line of the key of this scenario with which it begins."""
+        key, colon, sentence = message.partition(": ")
+        if colon and key.partition(".")[0] in type(self).model_fields:
+            return str(self.mistake(key, sentence))
+        return f"{self._name}: {message}"
 
     def load_device(self) -> Device:
         """Return the device that [device] names."""

@@ -65,10 +65,11 @@ def certify(scenario: Scenario | Mapping[str, Any] | str | Path, controller: Any
         StabilityError: the scenario has no loop (no contact, or a fixed tip), several objects or a moving one.
     """
     s = read_scenario(scenario, controller)
-    if s.servo.tool is not None:
-        return certify_display(s)
-    require_linear_parts(s)
-    return CERTIFICATES.get(s.object.kind, certify_spring)(s)
+    with s.naming_place():
+        if s.servo.tool is not None:
+            return certify_display(s)
+        require_linear_parts(s)
+        return CERTIFICATES.get(s.object.kind, certify_spring)(s)
 
 
 def zwidth(
@@ -99,11 +100,12 @@ def zwidth(
         ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
     """
     s = read_scenario(scenario, controller)
-    require_linear_parts(s)
-    if s.controller.normalizes:
-        raise StabilityError(
-            "controller: it divides by the object's stiffness, so the loop is the same for every stiffness and has no "
-            "Z-width; palpate.stability.certify judges it"
-        )
     report = progress or (lambda _text, _fraction: None)
-    return ZWIDTHS.get(s.object.kind, spring_zwidth)(s, simulated, report)
+    with s.naming_place():
+        require_linear_parts(s)
+        if s.controller.normalizes:
+            raise StabilityError(
+                "controller.normalize: it divides by the object's stiffness, so the loop is the same for every "
+                "stiffness and has no Z-width; palpate.stability.certify judges it"
+            )
+        return ZWIDTHS.get(s.object.kind, spring_zwidth)(s, simulated, report)

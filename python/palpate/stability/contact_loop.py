@@ -183,8 +183,8 @@ def device_loop(
     law = build_controller(scenario, device, start) if controller is None else controller
     if law.design_stiffness is not None:
         raise StabilityError(
-            "controller: it divides by the stiffness, and the law from a body's motion to the scaled forces is not "
-            "linear; judge and measure it on a spring, and run it on the body with palpate.simulate"
+            "controller.normalize: it divides by the stiffness, and the law from a body's motion to the scaled forces "
+            "is not linear; judge and measure it on a spring, and run it on the body with palpate.simulate"
         )
     placeholder: dict[str, Any] = {"kind": "spring", "stiffness": ["1 N/m"] * 3}
     if not across:

@@ -77,7 +77,7 @@ def certify_force_law(
     loop = scenario_loop(Scenario.from_dict({**s.to_dict(), "object": wall}))
     if loop.normalized:
         raise StabilityError(
-            "certify_force_law: the controller divides by the stiffness, so its reference depends on the depth; "
+            "controller.normalize: it divides by the stiffness, so its reference depends on the depth; "
             "judge it on a spring, and run it on the law with palpate.simulate"
         )
     unstable = np.array([loop.spectral_radius(float(k)) >= 1.0 for k in law.slopes])

@@ -91,7 +91,8 @@ def _certificate(s: Scenario, trace: Trace, law: ContactLaw, detail: str) -> Cer
     """Return the certificate of the loop of a law where the run ends."""
     if s.controller.normalizes:
         raise StabilityError(
-            "controller: it divides by the object's stiffness, which this object does not have alone; judge its run"
+            "controller.normalize: it divides by the object's stiffness, which this object does not have alone; "
+            "judge its run"
         )
     spring = {"kind": "spring", "stiffness": "1 N/m"}
     loop = scenario_loop(

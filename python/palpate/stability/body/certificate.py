@@ -30,6 +30,7 @@ _DEPTHS = (0.25, 0.5, 0.75)  # of the depth at rest, tested as well
 _QUANTILES = (0.5, 0.25, 0.1, 0.75)  # of the depth in contact, tried in turn for a run that does not rest
 _APART = 0.05  # difference of two depths, relative to the depth at rest, that counts
 _REAL = 1e-9  # angle of an eigenvalue, rad per sample, below which its motion does not oscillate
+_NEVER = "the tip does not touch the body in the run; move the body (object.position) or press longer (run.duration)"
 _DECAYS = 4.0  # time constants of the slowest motion for which the run is watched
 
 
@@ -80,7 +81,7 @@ def contact_of(s: Scenario) -> tuple[ContactStability, Trace, int]:
     """
     run, contact, row, problem = _find_rest(s)
     if contact is None:
-        raise StabilityError(f"the response of the body is unknown: {problem}")
+        raise StabilityError(f"object: the response of the body is unknown: {problem}")
     return contact, run.trace, row
 
 
@@ -150,7 +151,7 @@ def _at_rest(s: Scenario, run: ObservedRun) -> tuple[ContactStability | None, in
     touching = trace["touching"][: last + 1, 0] > 0.0
     inside = np.flatnonzero(touching)
     if inside.size == 0:
-        return None, 0, "the tip does not touch the body in the run"
+        return None, 0, _NEVER
     rows = [last]
     if not run.lasts or not touching[last]:
         depth = np.linalg.norm(trace["deflection"], axis=1)

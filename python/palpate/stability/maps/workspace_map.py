@@ -194,6 +194,12 @@ def workspace(
     """
     report = progress or (lambda _text, _fraction: None)
     s, title = _scenario(subject)
+    with s.naming_place():
+        return _map(s, title, poses, report)
+
+
+def _map(s: Scenario, title: str, poses: int, report: Progress) -> Workspace:
+    """Return the workspace map of a scenario; errors as `workspace`, without their place."""
     device = s.load_device()
     _require_mappable(s, device)
     start = device.inverse(s.start.tip) if s.start.tip is not None else np.array(s.start.pose)
@@ -226,7 +232,7 @@ def _require_mappable(s: Scenario, device: Device) -> None:
     require_linear_parts(s)
     if device.dof < 3:
         raise StabilityError(
-            f"{device.name} has {device.dof} of the three joints that a workspace map needs; "
+            f"device.name: {device.name} has {device.dof} of the three joints that a workspace map needs; "
             "use certify or zwidth at single poses instead"
         )
     if s.device.model != "nonlinear" or s.device.kinematics != "nonlinear":

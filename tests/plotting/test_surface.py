@@ -93,6 +93,15 @@ def test_a_body_at_rest_is_drawn(block: Body) -> None:
     assert np.ptp(solid.get_zlim()) > 0.0
 
 
+def test_values_beyond_the_color_scale_do_not_divide_triangles() -> None:
+    """Under a tip that was pushed through a body the pressure is negative, and its scale ends at zero."""
+    corners = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+    for values, low, high, most in (([-20.0, -10.0, 0.0], 0.0, 1.0, 4), ([-1.5, 0.0, 0.0], 0.0, 1e-12, 4)):
+        _, (space,) = new_space()
+        drawn = draw_colored(space, corners, [values], ScalarMappable(Normalize(low, high), "magma_r"))
+        assert len(drawn._faces) <= most
+
+
 def test_a_flat_axis_has_round_ticks_within_the_data_and_room_for_all_of_it() -> None:
     for low, high in ((0.013, 0.094), (-0.31, 0.26), (3.1, 8.7)):
         _, (space,) = new_space()

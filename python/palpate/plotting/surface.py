@@ -58,7 +58,8 @@ def draw_colored(solid: Any, corners: ArrayLike, values: ArrayLike, scale: Any) 
     x, table = np.asarray(corners, dtype=float), np.asarray(values, dtype=float)
     faint = np.array(to_rgba(FAINT))
     shapes, inner, outer = [], [], []
-    for index, weights in divided(table, float(scale.norm.vmax - scale.norm.vmin)):
+    low, high = float(scale.norm.vmin), float(scale.norm.vmax)
+    for index, weights in divided(np.clip(table, low, high), high - low):  # beyond the scale there is one color
         pieces = np.einsum("pcw,kwi->kpci", weights, x[index]).reshape(-1, 3, 3)
         colors = scale.to_rgba(np.einsum("pcw,kw->kp", weights / 3.0, table[index]).ravel())
         undivided = len(weights) == 1

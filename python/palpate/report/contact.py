@@ -100,7 +100,8 @@ def sliding_section(page: Page, trace: Trace, sliding: dict[str, Any]) -> None:
 
 def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
     """Add the section on contact with a body; `found` is `summarize(trace)["palpation"]`."""
-    deepest = int(np.argmax(np.linalg.norm(trace["deflection"], axis=1)))
+    solved = (trace["solved"][:, 0] > 0.0) & (trace["touching"][:, 0] > 0.0)  # elsewhere the pressure is not known
+    deepest = int(np.argmax(np.where(solved, np.linalg.norm(trace["deflection"], axis=1), -1.0)))
     page.section("Deformable body")
     at = pressed_at(trace, deepest)
     picture = deformed_surface(at.body, at.displacement, at.pressure)

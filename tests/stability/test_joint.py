@@ -14,8 +14,8 @@ from palpate.scenario import Scenario
 from palpate.simulation.body_response import HeldTip, HeldTips, body_response
 from palpate.simulation.joint_run import JointRun, simulate_together
 from palpate.simulation.shared_body import SharedBody
-from palpate.simulation.verdict import State
-from palpate.stability.joint import joint_stability
+from palpate.simulation.verdict import State, Verdict
+from palpate.stability.joint import JointStability, joint_stability
 
 
 @pytest.fixture(scope="module")
@@ -167,3 +167,37 @@ def test_devices_that_cannot_share_a_body_are_refused(block: Path) -> None:
 def test_a_joint_run_has_settled_if_every_device_has(settled: tuple[bool, ...]) -> None:
     traces: Any = tuple(SimpleNamespace(verdict=SimpleNamespace(settled=one)) for one in settled)
     assert JointRun(traces, ()).settled == all(settled)
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "state", "reason"),
+    [
+        ([Verdict(State.SETTLED, "a")] * 2, State.SETTLED, "all devices rest"),
+        ([Verdict(State.SETTLED, "a"), Verdict(State.UNDECIDED, "b")], State.UNDECIDED, "device 2: b"),
+        (
+            [Verdict(State.UNDECIDED, "a"), Verdict(State.CONTACT_LOST, "b", 0.4), Verdict(State.UNSTABLE, "c", 0.2)],
+            State.CONTACT_LOST,
+            "device 2: b; device 3: unstable: c",
+        ),
+    ],
+)
+def test_the_verdict_of_a_joint_run_is_that_of_the_first_device_that_failed(
+    verdicts: list[Verdict], state: State, reason: str
+) -> None:
+    run = JointRun(tuple(SimpleNamespace(verdict=one) for one in verdicts), ())  # type: ignore[misc, arg-type]
+    assert (run.verdict.state, run.verdict.reason) == (state, reason)
+    assert run.verdict.since == (0.2 if state is State.CONTACT_LOST else None)
+
+
+def test_a_contact_that_a_run_loses_outlasts_a_stable_loop() -> None:
+    """The loop at the end of the run does not describe a tip that was off the body on the way."""
+    settled, lost = Verdict(State.SETTLED, "rests"), Verdict(State.CONTACT_LOST, "is off the object", 0.4)
+    run = JointRun(tuple(SimpleNamespace(verdict=one) for one in (settled, lost)), ())  # type: ignore[misc, arg-type]
+    loop: Any = SimpleNamespace(state=State.STABLE, stiffness_margin=2.0, radius=0.9)
+    found = JointStability(loop, (loop, loop), run)
+    assert found.state is State.CONTACT_LOST
+    assert str(found).splitlines()[:2] == [
+        "Contact lost: device 2: is off the object",
+        "  all devices together: small motions are stable (spectral radius 0.9), 2 times the body's stiffness before "
+        "it oscillates",
+    ]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from palpate.arrays import Array
+from palpate.arrays import Array, Flags
 from palpate.fem.indentation import LOST, SOLVED, ContactHistory
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenario
@@ -19,6 +19,7 @@ from palpate.simulation.shared_body import SharedBody
 from palpate.simulation.trace import Trace, describe_channel
 from palpate.simulation.trace_export import Channel
 from palpate.simulation.user_object import ContactResult
+from palpate.simulation.verdict import FAILED, State, Verdict
 
 __all__ = ["JointRun", "simulate_together"]
 
@@ -32,15 +33,34 @@ class JointRun:
     Attributes:
         traces: of each device; the force of its tip on the body is `object_force`.
         contacts: of each tip, in the body's frame; a row for each tick.
+        tips: as the servo read them in each tick, each in its device's frame (m, k, 3), m.
+        solved: whether the forces of all tips were found in each tick (m,).
     """
 
     traces: tuple[Trace, ...]
     contacts: tuple[ContactHistory, ...]
+    tips: Array = field(default_factory=lambda: np.zeros((0, 0, 3)), repr=False)
+    solved: Flags = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
 
     @property
     def settled(self) -> bool:
         """Whether every device has settled."""
         return all(trace.verdict.settled for trace in self.traces)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Verdict of the run: that of the first device that failed, else of the first undecided one, else settled.
+
+        The reason names the devices.
+        """
+        each = [(number, trace.verdict) for number, trace in enumerate(self.traces, 1)]
+        bad = [one for one in each if one[1].state in FAILED] or [one for one in each if not one[1].settled]
+        if not bad:
+            return Verdict(State.SETTLED, "all devices rest")
+        state = bad[0][1].state
+        reasons = [f"device {number}: {own.reason if own.state is state else own}" for number, own in bad]
+        begins = [own.since for _, own in bad if own.since is not None]
+        return Verdict(state, "; ".join(reasons), min(begins, default=None))
 
 
 class _Presented:
@@ -69,9 +89,10 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
     shared = SharedBody(loaded)
     objects = [_Presented() for _ in loaded]
     loops = [Loop(scenario, object=own) for scenario, own in zip(loaded, objects, strict=True)]
-    rows = []
+    rows, read = [], []
     for _ in range(max(loop.samples for loop in loops)):
         tips = np.array([[_sensed(loop) for loop in loops]])
+        read.append(tips[0])
         row = shared.step(tips)
         rows.append(row[0])
         for own, turn, contact in zip(objects, shared.rotations, row[0], strict=True):
@@ -86,8 +107,10 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
         _trace(loop, scenario, turn, found[:, tip], counts)
         for tip, (loop, scenario, turn) in enumerate(zip(loops, loaded, shared.rotations, strict=True))
     )
+    solved = np.asarray((found[:, :, SOLVED] > 0.0).all(axis=1), dtype=bool)
     found[:, :, SOLVED] = 1.0  # where they were not, the traces say so
-    return JointRun(traces, tuple(ContactHistory.of(found[:, tip]) for tip in range(len(loops))))
+    contacts = tuple(ContactHistory.of(found[:, tip]) for tip in range(len(loops)))
+    return JointRun(traces, contacts, np.array(read), solved)
 
 
 def _counts(loop: Loop) -> float:

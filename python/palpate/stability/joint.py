@@ -18,10 +18,12 @@ from palpate.simulation.controllers import read_scenario
 from palpate.simulation.joint_run import JointRun, simulate_together
 from palpate.simulation.linear_loop import ScenarioLoop, require_linear_parts
 from palpate.simulation.shared_body import SharedBody
-from palpate.simulation.verdict import State
+from palpate.simulation.verdict import FAILED, State
 from palpate.stability.contact_loop import ContactStability, device_loop, judge, loop_around
 
-__all__ = ["JointStability", "joint_stability"]
+__all__ = ["JointStability", "joint_stability", "run_alone"]
+
+_ENDS = frozenset((State.CONTACT_LOST, State.OUT_OF_REACH, State.DRIVE_LIMIT))  # of runs that the loops do not describe
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,12 @@ class JointStability:
 
     @property
     def state(self) -> State:
-        """STABLE or UNSTABLE where the linear loops and the run agree, otherwise UNDECIDED."""
+        """STABLE or UNSTABLE where the linear loops and the run agree, otherwise UNDECIDED.
+
+        A run that loses the contact, or leaves the reach or the limits of a drive, has that state.
+        """
+        if (ended := self.run.verdict.state) in _ENDS:
+            return ended
         if self.together.state is State.STABLE and self.run.settled:
             return State.STABLE
         if self.together.state is State.UNSTABLE and not self.run.settled:
@@ -53,11 +60,32 @@ class JointStability:
 
     def __str__(self) -> str:
         """Return the verdict, the loops and the runs as text."""
-        lines = [f"{self.state.label.capitalize()}: {_sentence('all devices together', self.together)}"]
+        whole = _sentence("all devices together", self.together)
+        lines = [f"{self.state.label.capitalize()}: {whole}"]
+        if self.state in _ENDS:
+            lines = [_headline(self.run), f"  {whole}"]
         for tip, (alone, trace) in enumerate(zip(self.each, self.run.traces, strict=True), 1):
             lines.append(f"  {_sentence(f'device {tip}, the others held still', alone)}")
             lines.append(f"  device {tip} in the run: {trace.verdict}")
         return "\n".join(lines)
+
+
+def run_alone(run: JointRun, problem: str) -> tuple[State, str]:
+    """Return state and text, as those of a `JointStability`, of a run whose joint loop is not known.
+
+    Args:
+        run: of all devices.
+        problem: why the loop is not known.
+    """
+    rows = [f"  device {number} in the run: {trace.verdict}" for number, trace in enumerate(run.traces, 1)]
+    state = run.verdict.state
+    if state not in FAILED:
+        return State.UNDECIDED, "\n".join([f"Undecided: {problem}", *rows])
+    return state, "\n".join([_headline(run), f"  no joint loop is known: {problem}", *rows])
+
+
+def _headline(run: JointRun) -> str:
+    return f"{run.verdict.state.label.capitalize()}: {run.verdict.reason}"
 
 
 def joint_stability(

@@ -51,8 +51,14 @@ duration = "0.8 s"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    for name, x, z in (("left", -8, -6.2), ("right", 8, -6.2), ("away", 8, -60)):
-        (tmp_path / f"{name}.toml").write_text(SCENARIO.format(x=x, z=z))
+    for name, x, z, press in (
+        ("left", -8, -6.2, 0.4),
+        ("right", 8, -6.2, 0.4),
+        ("away", 8, -60, 0.4),
+        ("hard", 8, -6.2, 40),
+    ):
+        text = SCENARIO.format(x=x, z=z).replace('"-0.4 N"', f'"-{press} N"')
+        (tmp_path / f"{name}.toml").write_text(text if name == "left" else f'title = "The {name} hand"\n{text}')
     return tmp_path
 
 
@@ -63,8 +69,16 @@ def test_two_devices_are_run_and_judged_together(folder: Path) -> None:
     assert "device 2, the others held still" in done.output
     results = folder / "results" / "left-and-right"
     assert sorted(path.name for path in results.iterdir()) == [
-        "device-1.h5", "device-1.html", "device-2.h5", "device-2.html",
+        "device-1.h5", "device-1.html", "device-2.h5", "device-2.html", "report.html",
     ]  # fmt: skip
+    whole, one, two = ((results / f"{name}.html").read_text("utf-8") for name in ("report", "device-1", "device-2"))
+    assert "<title>left and The right hand</title>" in whole
+    assert ("<title>Device 1: left</title>" in one, "<title>Device 2: The right hand</title>" in two) == (True, True)
+    for page in (whole, one, two):
+        assert "Stable: all devices together: small motions are stable" in page
+    assert 'href="device-2.html"' in whole
+    assert 'href="report.html"' in two
+    assert '<h2 id="shared-body">' in whole
     assert Trace.load(results / "device-2.h5").verdict.settled
 
 
@@ -77,8 +91,19 @@ def test_two_bodies_are_refused_with_both_files_named(folder: Path) -> None:
     assert "differs from that of left.toml; devices share one body" in done.output
 
 
-def test_a_device_off_the_body_leaves_the_joint_verdict_undecided(folder: Path) -> None:
+def test_a_tip_pushed_through_the_body_is_told_as_of_a_single_device(folder: Path) -> None:
+    alone = CliRunner().invoke(app, ["run", "hard.toml"])
+    assert "contact lost: the tip is pushed through the body at t = " in alone.output
+    done = CliRunner().invoke(app, ["together", "left.toml", "hard.toml"])
+    assert done.exit_code == 1
+    assert done.output.strip().startswith("Contact lost: device 2: the tip is pushed through the body at t = ")
+    page = (folder / "results" / "left-and-hard" / "report.html").read_text("utf-8")
+    assert "Contact lost: device 2: the tip is pushed through the body" in page
+
+
+def test_a_device_off_the_body_has_lost_its_contact(folder: Path) -> None:
     done = CliRunner().invoke(app, ["together", "left.toml", "away.toml", "--out", "there"])
     assert done.exit_code == 1
-    assert "Undecided: the tip of device 2 does not touch the body" in done.output
+    assert "Contact lost: device 2: the tip never touches the object" in done.output
+    assert "no joint loop is known: the tip of device 2 does not touch the body" in done.output
     assert (folder / "there" / "device-1.h5").is_file()

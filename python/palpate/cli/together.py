@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -24,34 +25,41 @@ def together(
 ) -> None:
     """Run several devices on one deformable body, and test the stability of all loops together.
 
-    Each scenario has the same body, in the frame of its own device. Writes a trace and a report for each device, and
-    prints the joint verdict. The exit code is 1 unless the loops are stable together.
+    Each scenario has the same body, in the frame of its own device. Writes a trace and a page for each device,
+    and report.html with the joint verdict and the body, and prints the joint verdict. The exit code is 1 unless the
+    loops are stable together.
 
     Example: palpate together left.toml right.toml
     """
     with progress("reading the scenarios") as tell:
         from palpate.errors import StabilityError
-        from palpate.metrics import summarize
-        from palpate.report import run_page
+        from palpate.report import device_page, together_page
         from palpate.simulation.joint_run import simulate_together
+        from palpate.simulation.shared_body import SharedBody
         from palpate.simulation.verdict import State
-        from palpate.stability.joint import joint_stability
+        from palpate.stability.joint import JointStability, joint_stability, run_alone
 
         loaded = [load_scenario(scenario, None) for scenario in scenarios]
         tell("running", 0.1)
         run = simulate_together(loaded)
         tell("testing the loops", 0.5)
+        found: JointStability | None = None
         try:
             found = joint_stability(loaded, run)
             state, text = found.state, str(found)
         except StabilityError as problem:
-            rows = [f"  device {number} in the run: {trace.verdict}" for number, trace in enumerate(run.traces, 1)]
-            state, text = State.UNDECIDED, "\n".join([f"Undecided: {problem}", *rows])
+            state, text = run_alone(run, str(problem))
         tell("drawing", 0.7)
-        files = {}
-        for number, trace in enumerate(run.traces, 1):
-            files[f"device-{number}.h5"] = trace.save
-            files[f"device-{number}.html"] = run_page(trace, summarize(trace)).save
+        names = [
+            one.title if "title" in one.model_fields_set else default_name(scenario)
+            for one, scenario in zip(loaded, scenarios, strict=True)
+        ]
+        pages = [f"device-{number}.html" for number in range(1, len(loaded) + 1)]
+        files: dict[str, Callable[[Path], object]] = {}
+        for index, trace in enumerate(run.traces):
+            files[f"device-{index + 1}.h5"] = trace.save
+            files[pages[index]] = device_page(run, index, names, (state, text), "report.html").save
+        files["report.html"] = together_page(run, SharedBody(loaded), names, (state, text), found, pages).save
         name = "-and-".join(default_name(scenario) for scenario in scenarios)
         paths = write_folder(out if out is not None else Path("results") / name, files)
     verdict, _, rest = text.partition("\n")

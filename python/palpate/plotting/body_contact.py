@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -65,6 +66,22 @@ def force_and_deflection(trace: Trace) -> Figure:
     deflection.set(xlabel="time [s]", ylabel="deflection [mm]")
     both.plot(deep, size, color=INK, linewidth=1.1)
     both.set(xlabel="deflection [mm]", ylabel="force [N]")
+    return figure
+
+
+def forces_and_deflections(traces: Sequence[Trace]) -> Figure:
+    """Return force and deflection of several devices against time."""
+    figure, rows = new_figure(1, 2, height=2.9)
+    force, deflection = rows[0]
+    for number, trace in enumerate(traces, 1):
+        style: dict[str, Any] = {"color": COLORS[(number - 1) % len(COLORS)], "label": f"device {number}"}
+        style["linestyle"] = "-" if number == 1 else (0, (4, 1.5 * (number - 1)))  # curves may coincide
+        force.plot(*thin(trace.time, np.linalg.norm(trace["object_force"], axis=1)), **style)
+        deflection.plot(*thin(trace.time, 1e3 * np.linalg.norm(trace["deflection"], axis=1)), **style)
+    force.set(xlabel="time [s]", ylabel="force [N]")
+    deflection.set(xlabel="time [s]", ylabel="deflection [mm]")
+    handles, labels = force.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     return figure
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Final
 
 import numpy as np
@@ -78,6 +79,18 @@ class SharedBody:
         axes = np.tile([0.0, 0.0, 1.0], (k, 1))
         still = np.zeros(k)
         return np.asarray(self.core.simulate_tips(np.ascontiguousarray(centers), axes, self.radii, still, still))
+
+    def pressed(self, tips: Array) -> tuple[Array, Array]:
+        """Return displacement (n, 3), m, and pressure (n,), Pa, of the nodes after a path of all tips from rest.
+
+        Args:
+            tips: centers of the tips, each in its device's frame (m, k, 3), m.
+        """
+        self.core.reset()
+        self.step(tips)
+        body = copy(self.body)
+        body.core = self.core
+        return body.displacement(), body.pressure()
 
     def forces(self, rows: Array) -> Array:
         """Return the forces of the tips on the body (m, k, 3), N, each in its device's frame, from the core's rows."""

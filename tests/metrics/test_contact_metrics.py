@@ -182,7 +182,9 @@ def test_a_palpation_is_summed_sample_by_sample(
     expected = plain_palpation(trace)
     for key, value in expected.items():
         assert getattr(found, key) == (value if value is None else pytest.approx(value, rel=1e-9, abs=1e-15)), key
-    assert set(asdict(found)) == {*expected, "mesh_error", "over_fixed", "final_tip_forces"}
+    assert set(asdict(found)) == {
+        *expected, "mesh_error", "over_fixed", "final_tip_forces", "tip_depth", "final_tip_depth",
+    }  # fmt: skip
     assert found.over_fixed is True
     kind = scenario.get("object", {}).get("body", {}).get("kind", "compliance")
     known = kind in ("compliance", "viscoelastic", "modal", "signed_distance")
@@ -274,7 +276,7 @@ def test_names_of_a_palpation_end_with_their_unit() -> None:
         "touches", "deepest_m", "deepest_force_N", "stiffness_N_per_m", "nodes", "mesh_error", "path_m",
         "path_stiffness_median_N_per_m", "path_stiffness_max_N_per_m", "work_J", "stored_J", "saved_J", "at_start_J",
         "lost_J", "held_J", "final_deflection_m", "final_force_N", "final_swing_N", "touching_at_end", "unsolved",
-        "contact_lost", "over_fixed", "final_tip_forces_N", "settled",
+        "contact_lost", "over_fixed", "final_tip_forces_N", "tip_depth_m", "final_tip_depth_m", "settled",
     ]  # fmt: skip
     assert list(found.values())[:-1] == list(values.values())
 

@@ -265,7 +265,14 @@ def test_a_guard_is_named_with_the_friction_that_it_relies_on(guard: dict[str, A
 
 def palpation(**values: Any) -> PalpationMetrics:
     none: dict[str, Any] = dict.fromkeys((one.name for one in fields(PalpationMetrics)), 0.0)
-    none |= {"deepest": 2e-3, "deepest_force": 0.5, "nodes": 9, "mesh_error": None, "over_fixed": False}
+    none |= {
+        "deepest": 2e-3,
+        "deepest_force": 0.5,
+        "nodes": 9,
+        "mesh_error": None,
+        "over_fixed": False,
+        "tip_depth": None,
+    }
     return PalpationMetrics(**{**none, "unsolved": 0, "contact_lost": 0, "touching_at_end": True, **values})
 
 
@@ -277,6 +284,10 @@ BEGINS = "presses the body in by 2 mm with 0.5 N"
     [
         ({}, f"{BEGINS} (largest force 0.75 N), rests in contact at the end"),
         ({"deepest_force": 0.7501}, "presses the body in by 2 mm with 0.75 N, rests in contact at the end"),
+        (
+            {"tip_depth": 3.14e-3},
+            f"{BEGINS} (largest force 0.75 N), its tip 3.14 mm below the surface at rest, rests in contact at the end",
+        ),
         ({"final_swing": 0.5}, f"{BEGINS} (largest force 0.75 N), is in contact at the end"),
         ({"touching_at_end": False}, f"{BEGINS} (largest force 0.75 N), is apart at the end"),
         (

@@ -15,7 +15,7 @@ from palpate.metrics import summarize
 from palpate.metrics.body_contact import work_so_far
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
-from palpate.simulation.bodies import cache_path, scenario_body
+from palpate.simulation.bodies import cache_path, scenario_body, tip_depths
 from palpate.simulation.evidence import evidence
 from palpate.simulation.simulator import build_simulation
 from palpate.simulation.trace import Trace
@@ -74,6 +74,26 @@ def test_the_rounding_of_a_body_is_no_growing_oscillation(block: Path) -> None:
             Trace.of(1e-3 * np.arange(count), {**held, "tip": moving}), scenario, Window(0, count - 1), None
         )
         assert (found.late[0] > found.prior[0] > 0.0) == seen
+
+
+@pytest.mark.parametrize("tip", ["flat", "sphere"])
+@pytest.mark.parametrize("turn", [[], ["20 deg", "-15 deg", "40 deg"]])
+def test_the_depth_of_a_tip_is_that_of_its_lowest_point_under_the_plane_at_rest(
+    block: Path, tip: str, turn: list[str]
+) -> None:
+    """The top at rest is a plane, which the start tip is 0.5 mm above, whatever the body does."""
+    turned = {"rotation": turn} if turn else {}
+    run = simulate(Scenario.model_validate(tables(on(block, tip=tip, **turned))))
+    normal = Rotation.from_euler("xyz", np.radians([20.0, -15.0, 40.0]) if turn else np.zeros(3)).as_matrix()[:, 2]
+    top = run["tip"][0] + np.array([0.0, 0.0, -0.5e-3])
+    lowest = (run["tip"] - top) @ normal - (8e-3 if tip == "sphere" else 0.0)
+    depth = tip_depths(run)
+    assert depth is not None
+    np.testing.assert_allclose(depth, np.maximum(-lowest, 0.0), atol=1e-9)
+    found = summarize(run)["palpation"]
+    deepest = int(np.argmax(np.linalg.norm(run["deflection"], axis=1)))
+    assert found["tip_depth_m"] == pytest.approx(depth[deepest])
+    assert found["final_tip_depth_m"] == pytest.approx(depth[-101:].mean(), rel=1e-3)
 
 
 def test_a_body_of_one_node_is_a_wall(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from palpate.checks import MAX_TIPS
 from palpate.fem import force_error
 from palpate.metrics.mesh_contact import LAST
 from palpate.scenario.tool_motion import ToolMotion
-from palpate.simulation.bodies import overlaps_fixed, resolves_tip
+from palpate.simulation.bodies import overlaps_fixed, resolves_tip, tip_depths
 from palpate.simulation.moving_frame import touching_tip, turned_to_object
 from palpate.simulation.recorded import recorded_scenario
 from palpate.simulation.tool_motion import tick_times
@@ -67,6 +67,9 @@ class PalpationMetrics:
         over_fixed: whether the tip overlaps a fixed or held part of the surface, at the deepest deflection or at one of
             200 other samples in contact. No force acts there, so the object force is too small.
         final_tip_forces: magnitudes of the forces of a tool's tips, each the mean over the last 0.1 s; () for one tip.
+        tip_depth: of the tip below the surface at rest, at the moment of the deepest deflection (`tip_depths`); None if
+            the body is no longer there.
+        final_tip_depth: mean over the last 0.1 s; None likewise.
     """
 
     touches: int
@@ -92,6 +95,8 @@ class PalpationMetrics:
     contact_lost: int
     over_fixed: bool = False
     final_tip_forces: tuple[float, ...] = ()
+    tip_depth: float | None = None
+    final_tip_depth: float | None = None
 
     @property
     def settled(self) -> bool:
@@ -101,6 +106,7 @@ class PalpationMetrics:
     def to_dict(self) -> dict[str, Any]:
         """Return the metrics for JSON, with the unit as suffix of each name."""
         units = {"deepest": "m", "path": "m", "final_deflection": "m", "stiffness": "N_per_m"}
+        units |= dict.fromkeys(("tip_depth", "final_tip_depth"), "m")
         units |= dict.fromkeys(("path_stiffness_median", "path_stiffness_max"), "N_per_m")
         units |= dict.fromkeys(("deepest_force", "final_force", "final_swing", "final_tip_forces"), "N")
         units |= dict.fromkeys(("work", "stored", "saved", "at_start", "lost", "held"), "J")
@@ -130,6 +136,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     some = rows[np.linspace(0, len(rows) - 1, min(len(rows), 200)).astype(int)]
     path, path_stiffness = stiffness_along_path(trace)
     swept = len(path) > 0 and path[-1] > MIN_SWEEP
+    below = None if (whole := tip_depths(trace)) is None else whole[first:]
     return PalpationMetrics(
         touches=int(contact[0]) + int(np.count_nonzero(contact[1:] & ~contact[:-1])),
         deepest=float(depth[at]),
@@ -156,6 +163,8 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         final_tip_forces=tuple(
             float(np.mean(np.linalg.norm(trace[name][first:][last], axis=1))) for name in _tip_forces(trace)
         ),
+        tip_depth=None if below is None else float(below[at]),
+        final_tip_depth=None if below is None else float(np.mean(below[last])),
     )
 
 

@@ -234,8 +234,11 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     at_depth, largest = f"{found.deepest_force:.3g} N", f"{summary['peak_object_force_N']:.3g} N"
     text = (
         f"presses the body in by {found.deepest * 1e3:.3g} mm with {at_depth}"
-        f"{'' if at_depth == largest else f' (largest force {largest})'}, {_at_the_end(found, trace)} at the end"
+        f"{'' if at_depth == largest else f' (largest force {largest})'}"
     )
+    if found.tip_depth is not None:
+        text += f", its tip {found.tip_depth * 1e3:.3g} mm below the surface at rest"
+    text += f", {_at_the_end(found, trace)} at the end"
     if found.final_tip_forces:
         text += f", its tips with {', '.join(f'{force:.3g}' for force in found.final_tip_forces)} N"
     if found.mesh_error is not None:

@@ -55,15 +55,26 @@ def deformed_surface(body: Body, displacement: ArrayLike, pressure: ArrayLike) -
     return figure
 
 
-def force_and_deflection(trace: Trace) -> Figure:
-    """Return force and deflection against time, and against each other."""
+def force_and_deflection(trace: Trace, below: Array | None = None) -> Figure:
+    """Return force and deflection against time, and against each other.
+
+    Args:
+        trace: on a body.
+        below: depth of the tip below the surface at rest (n,), m, to be drawn beside the deflection; None: not known.
+    """
     size, deep = np.linalg.norm(trace["object_force"], axis=1), 1e3 * np.linalg.norm(trace["deflection"], axis=1)
     figure, rows = new_figure(1, 3, height=2.6, sharex=False)
     force, deflection, both = rows[0]
     force.plot(*thin(trace.time, size), color=COLORS[0])
     force.set(xlabel="time [s]", ylabel="force [N]")
-    deflection.plot(*thin(trace.time, deep), color=COLORS[1])
+    (patch,) = deflection.plot(*thin(trace.time, deep), color=COLORS[1])
     deflection.set(xlabel="time [s]", ylabel="deflection [mm]")
+    if below is not None:
+        patch.set_label("contact patch")
+        tip: dict[str, Any] = {"color": INK, "linestyle": (0, (4, 3)), "linewidth": 1.1, "label": "tip"}
+        deflection.plot(*thin(trace.time, 1e3 * below), **tip)
+        deflection.set(ylabel="depth [mm]")
+        deflection.legend(loc="best")
     both.plot(deep, size, color=INK, linewidth=1.1)
     both.set(xlabel="deflection [mm]", ylabel="force [N]")
     return figure

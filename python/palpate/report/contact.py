@@ -17,7 +17,7 @@ from palpate.plotting.body_contact import (
 from palpate.plotting.mesh_contact import profile, stiffness_and_depth, trajectory
 from palpate.plotting.surface import stretched
 from palpate.report.html import Page, number
-from palpate.simulation.bodies import pressed_at
+from palpate.simulation.bodies import pressed_at, tip_depths
 from palpate.simulation.trace import Trace
 
 Number = tuple[str, str, str, float]  # name, key, unit shown, factor from the unit of the key to the unit shown
@@ -39,13 +39,15 @@ _SLIDING: Final[tuple[Number, ...]] = (
 )
 # name, key in summary["palpation"], unit, factor
 _PALPATION: Final[tuple[Number, ...]] = (
-    ("deepest deflection", "deepest_m", "mm", 1e3),
+    ("deepest deflection of the contact patch", "deepest_m", "mm", 1e3),
+    ("depth of the tip there, below the surface at rest", "tip_depth_m", "mm", 1e3),
     ("force there", "deepest_force_N", "N", 1.0),
     ("force over deflection there", "stiffness_N_per_m", "N/m", 1.0),
     ("nodes in contact there", "nodes", "", 1.0),
     ("path length of the tip in contact", "path_m", "mm", 1e3),
     ("number of contacts", "touches", "", 1.0),
-    ("deflection at the end", "final_deflection_m", "mm", 1e3),
+    ("deflection of the contact patch at the end", "final_deflection_m", "mm", 1e3),
+    ("depth of the tip at the end", "final_tip_depth_m", "mm", 1e3),
     ("force at the end", "final_force_N", "N", 1.0),
     ("force of tip {} of the tool at the end", "final_tip_forces_N", "N", 1.0),
     ("oscillation of the force at the end", "final_swing_N", "mN", 1e3),
@@ -110,7 +112,17 @@ def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
         f"Surface of the body at t = {trace.time[deepest]:.3g} s, at the largest deflection, in the body frame: "
         "displacement, and pressure of the tip." + stretched(picture),
     )
-    page.figure(force_and_deflection(trace), "Force of the tip on the body, and deflection of the contact patch.")
+    below = tip_depths(trace)
+    page.figure(
+        force_and_deflection(trace, below),
+        "Force of the tip on the body, and deflection of the contact patch"
+        + (
+            "."
+            if below is None
+            else ", beside the depth of the tip below the surface at rest. The patch is the mean of the nodes in "
+            "contact, weighted by their forces."
+        ),
+    )
     if found["path_stiffness_max_N_per_m"] is not None:
         rise = found["path_stiffness_max_N_per_m"] / found["path_stiffness_median_N_per_m"] - 1.0
         page.figure(

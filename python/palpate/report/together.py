@@ -13,6 +13,7 @@ from palpate.plotting.body_contact import deformed_surface, forces_and_deflectio
 from palpate.plotting.surface import stretched
 from palpate.report.html import Page
 from palpate.report.run import run_page
+from palpate.simulation.bodies import depths_at_rest
 from palpate.simulation.joint_run import JointRun
 from palpate.simulation.shared_body import SharedBody
 from palpate.simulation.verdict import State
@@ -106,21 +107,27 @@ def _body_section(page: Page, run: JointRun, shared: SharedBody) -> None:
         forces_and_deflections(run.traces), "Force of each tip on the body, and deflection of its contact patch."
     )
     forces = [np.linalg.norm(contact.force, axis=1) for contact in run.contacts]
+    centers = shared.in_body(run.tips)
+    below = [depths_at_rest(shared.body, centers[:, tip], radius) for tip, radius in enumerate(shared.radii)]
     page.table(
-        ["device", "deepest deflection", "force there", "nodes there", "force at the end"],
+        ["device", "deepest deflection", "depth of the tip there", "force there", "nodes there", "force at the end"],
         [
             (
                 number,
                 f"{1e3 * deep[deepest]:.4g}",
+                f"{1e3 * tip[deepest]:.4g}",
                 f"{force[deepest]:.4g}",
                 int(contact.nodes[deepest]),
                 f"{force[-1]:.4g}",
             )
-            for number, (deep, force, contact) in enumerate(zip(depths, forces, run.contacts, strict=True), 1)
+            for number, (deep, tip, force, contact) in enumerate(
+                zip(depths, below, forces, run.contacts, strict=True), 1
+            )
             for deepest in [int(np.argmax(np.where(run.solved, deep, -1.0)))]
         ],
-        "Contact of each tip with the body.",
-        units=["", "mm", "N", "", "N"],
+        "Contact of each tip with the body: deflection of the contact patch, and depth of the tip below the surface at "
+        "rest.",
+        units=["", "mm", "mm", "N", "", "N"],
     )
 
 

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from palpate import _core
 from palpate import fem as bodies
 from palpate.arrays import Array
+from palpate.contact.simplices import area_vectors
 from palpate.errors import OutputError, PalpateError, ScenarioError
 from palpate.fem.contact_accuracy import unresolved
 from palpate.fem.support_changes import SupportChange
@@ -94,6 +95,37 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
         if still.overlaps_fixed(centers[phase == number].reshape(-1, 3), choice.radius, axis).any():
             return True
     return False
+
+
+def tip_depths(trace: Recorded) -> Array | None:
+    """Return how deep the tip of a trace is below the surface of its body at rest (n,), m; 0 outside of it.
+
+    It is the depth of the lowest point of a sphere, of the middle of a flat end, or of the deepest tip of a tool. The
+    surface under it moves less: a sphere presses its neighborhood in by less, and an elastic layer lies between. None
+    without a body, and if the body is no longer there.
+    """
+    if (found := _recorded_body(trace)) is None:
+        return None
+    scenario, choice, body = found
+    times = tick_times(scenario.period, trace.time)
+    centers = _tip_in_body(trace, scenario, body)[:, None] + tool_in_body(choice, times)
+    depth = depths_at_rest(body, centers.reshape(-1, 3), 0.0 if choice.tip == "flat" else choice.radius)
+    return np.asarray(depth.reshape(len(centers), -1).max(axis=1))
+
+
+def depths_at_rest(body: Body, centers: Array, radius: float) -> Array:
+    """Return how deep spheres are below the surface of a body at rest (n,), m; 0 outside of it.
+
+    Args:
+        body: of any kind.
+        centers: of the spheres (n, 3), m, body frame.
+        radius: of the spheres, m.
+    """
+    nearest, faces = body.surface.nearest(centers)
+    normals = area_vectors(body.surface.vertices, body.surface.triangles[faces])
+    distance = np.linalg.norm(centers - nearest, axis=1)
+    outside = np.einsum("ij,ij->i", centers - nearest, normals) > 0.0
+    return np.asarray(np.maximum(radius - np.where(outside, distance, -distance), 0.0))
 
 
 def surface_normal(trace: Recorded, row: int) -> Array | None:

@@ -75,10 +75,14 @@ class SharedBody:
             tips: centers of the tips, each in its device's frame (m, k, 3), m.
         """
         k = len(self.radii)
-        centers = np.einsum("kji,mkj->mki", self.rotations, tips - self.origins)
+        centers = self.in_body(tips)
         axes = np.tile([0.0, 0.0, 1.0], (k, 1))
         still = np.zeros(k)
         return np.asarray(self.core.simulate_tips(np.ascontiguousarray(centers), axes, self.radii, still, still))
+
+    def in_body(self, tips: Array) -> Array:
+        """Return the centers of tips (m, k, 3), m, each in its device's frame, in the frame of the body."""
+        return np.asarray(np.einsum("kji,mkj->mki", self.rotations, tips - self.origins))
 
     def pressed(self, tips: Array) -> tuple[Array, Array]:
         """Return displacement (n, 3), m, and pressure (n,), Pa, of the nodes after a path of all tips from rest.

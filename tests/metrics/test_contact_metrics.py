@@ -122,7 +122,8 @@ def plain_palpation(trace: Trace) -> dict[str, Any]:
             path += float(np.linalg.norm(move)) if touching[k] and touching[k - 1] else 0.0
             touches += touching[k] and not touching[k - 1]
     rows = range(first, N)
-    at = max(rows, key=lambda k: depth[k])
+    known = [k for k in rows if touching[k] and trace["solved"][k, 0] > 0.0]
+    at = max(known or rows, key=lambda k: depth[k])
     last = [k for k in rows if trace.time[k] >= trace.time[-1] - 0.1]
     ways, stiffness = plain_path(trace)
     swept = bool(ways) and ways[-1] > 10e-3

@@ -345,6 +345,17 @@ def test_a_run_on_a_body_tells_what_it_pressed(
     assert (never["palpation"], never["verdict"]) == (None, "settled: it is so")
 
 
+def test_a_tool_with_one_tip_pushed_through_is_in_contact_by_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The run has lost the contact of one tip, which the contact of the other at the end does not contradict."""
+    metrics = palpation(tip_depth=9e-3, final_tip_forces=(0.0, 0.23), contact_lost=3)
+    monkeypatch.setattr(summary, "palpation_metrics", lambda _: metrics)
+    channels = {"contact_nodes": np.ones(N), "object_force": np.zeros((N, 3)), "touching": np.ones(N)}
+    for lost, says in ((1.0, "is in contact by another tip"), (0.0, "rests in contact")):
+        trace = made(None, **channels, contact_lost=np.where(np.arange(N) < N - 3, 0.0, lost))
+        told = summarize(trace)["verdict"]
+        assert f"its deepest tip 9 mm below the surface at rest, {says} at the end, its tips with 0, 0.23 N" in told
+
+
 def sliding(**values: Any) -> SlidingMetrics:
     none: dict[str, Any] = dict.fromkeys((one.name for one in fields(SlidingMetrics)), 0.0)
     return SlidingMetrics(**{**none, "path": 12.34e-3, "step_at_crossing": None, "touching_at_end": True, **values})

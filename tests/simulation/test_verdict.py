@@ -295,11 +295,18 @@ def test_a_tip_that_is_pushed_through_its_body_has_lost_contact() -> None:
     spring = {"kind": "spring", "stiffness": "0.01 N/mm"}
     pad = tables["object"]
     scene = {key: table for key, table in tables.items() if key != "object"} | {"objects": {"pad": pad, "held": spring}}
-    for trace, channel in ((palpate.simulate(tables), "contact_lost"), (palpate.simulate(scene), "pad_contact_lost")):
+    apart = {**pad["body"], "contact_points": [["-6 mm", "0 mm", "0 mm"], ["6 mm", "0 mm", "1 mm"]]}
+    tool = {**tables, "object": {**pad, "body": apart}}
+    for case, channel, tip in (
+        (tables, "contact_lost", "the tip"),
+        (scene, "pad_contact_lost", "the tip"),
+        (tool, "contact_lost", "a tip of the tool"),
+    ):
+        trace = palpate.simulate(case)
         assert trace["touching"].any()
         assert trace[channel][-1, 0] == 1.0
         assert trace.verdict.state is State.CONTACT_LOST
-        assert "pushed through the body" in trace.verdict.reason
+        assert trace.verdict.reason.startswith(f"{tip} is pushed through the body at t = ")
 
 
 @pytest.mark.parametrize(("friction", "hides"), [(0.0, False), (0.4, True)])

@@ -38,7 +38,7 @@ class PalpationMetrics:
 
     Attributes:
         touches: number of times contact began.
-        deepest: largest deflection of the contact patch.
+        deepest: largest deflection of the contact patch, of the samples whose contact force was found.
         deepest_force: magnitude of the object force at that moment; the largest force may occur at another.
         stiffness: force over deflection at that moment, N/m.
         nodes: number of nodes in contact at that moment.
@@ -126,7 +126,8 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     time, contact = trace.time[first:], touching[:, 0] > 0.0
     depth = np.linalg.norm(deflection, axis=1)
     magnitude = np.linalg.norm(force, axis=1)
-    at = int(np.argmax(depth))
+    known = contact & (solved[:, 0] > 0.0)
+    at = int(np.argmax(np.where(known, depth, -1.0) if known.any() else depth))
     move = np.diff(tip, axis=0)
     work = float(work_so_far(trace)[-1])
     final, tank, initial = float(stored[-1, 0]), float(saved[-1, 0]), float(stored[0, 0] + saved[0, 0])

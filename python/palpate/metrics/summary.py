@@ -16,6 +16,7 @@ from palpate.scenario import Scenario
 from palpate.scenario.signal import Signal
 from palpate.simulation.drive_hold import drive_hold, motor_load
 from palpate.simulation.energy_balance import energy_balance
+from palpate.simulation.evidence import pushed_through
 from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.statics import expected_deflection
 from palpate.simulation.step_response import step_response
@@ -237,8 +238,10 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         f"{'' if at_depth == largest else f' (largest force {largest})'}"
     )
     if found.tip_depth is not None:
-        text += f", its tip {found.tip_depth * 1e3:.3g} mm below the surface at rest"
-    text += f", {_at_the_end(found, trace)} at the end"
+        tip = "deepest tip" if found.final_tip_forces else "tip"
+        text += f", its {tip} {found.tip_depth * 1e3:.3g} mm below the surface at rest"
+    others = found.touching_at_end and pushed_through(trace) is not None
+    text += f", {'is in contact by another tip' if others else _at_the_end(found, trace)} at the end"
     if found.final_tip_forces:
         text += f", its tips with {', '.join(f'{force:.3g}' for force in found.final_tip_forces)} N"
     if found.mesh_error is not None:

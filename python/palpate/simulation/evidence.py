@@ -32,6 +32,7 @@ __all__ = [
     "leaves_reach",
     "lossy",
     "moved_until",
+    "pushed_through",
     "resolution",
     "second_differences",
     "swing",

@@ -255,7 +255,8 @@ def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None
 def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
     """Return when the tip left the object, and the reason."""
     if (pushed := pushed_through(trace)) is not None:
-        return pushed, f"the tip is pushed through the body at t = {pushed:.4g} s, and in it without contact at the end"
+        tip = "a tip of the tool" if of_each_object(trace, "point1_force") else "the tip"
+        return pushed, f"{tip} is pushed through the body at t = {pushed:.4g} s, and in it without contact at the end"
     touching = np.flatnonzero(trace["touching"][:, 0])
     if not len(touching):
         return None, "the tip never touches the object"

@@ -20,6 +20,18 @@ if TYPE_CHECKING:
 
 AXES: Final = ("x", "y", "z")
 _POINTS: Final = 1600  # maximum number of points of a line
+_START: Final = 0.1  # of the run: a spike within it may be cut off
+_FLAT: Final = (0.05, 1.0 / 3.0)  # range of the later forces over the whole, between which a spike flattens them
+_RARE: Final = 0.02  # of the samples: a spike that lasts longer is not cut off
+_NEAR: Final = 0.5  # of the range of the later forces: a peak that is no farther from them is not cut off
+_ROOM: Final = 0.1  # of that range, above and below
+# force: name in the legend, style
+_FORCES: Final[Mapping[str, tuple[str, dict[str, Any]]]] = {
+    "reference_force": ("reference", {"color": INK, "linestyle": (0, (4, 3)), "linewidth": 1.1}),
+    "operator_force": ("operator", {"color": COLORS[2]}),
+    "object_force": ("on the object", {"color": COLORS[0]}),
+    "motor_force": ("of the motors", {"color": COLORS[1], "linewidth": 1.1}),
+}
 
 
 def deflection(trace: Trace, targets: Sequence[float | None] | None = None) -> Figure:
@@ -43,28 +55,48 @@ def deflection(trace: Trace, targets: Sequence[float | None] | None = None) -> F
 
 
 def forces(trace: Trace) -> Figure:
-    """Return the forces at the tip against time, N, per axis; forces and axes that are always zero are left out."""
-    names = {
-        "reference_force": ("reference", {"color": INK, "linestyle": (0, (4, 3)), "linewidth": 1.1}),
-        "operator_force": ("operator", {"color": COLORS[2]}),
-        "object_force": ("on the object", {"color": COLORS[0]}),
-        "motor_force": ("of the motors", {"color": COLORS[1], "linewidth": 1.1}),
-    }
-    shown = {name: style for name, style in names.items() if name in trace and np.any(trace[name])}
+    """Return the forces at the tip against time, N, per axis; forces and axes that are always zero are left out.
+
+    A spike at the start that would flatten the rest is cut off (`force_limits`); numbers at the edge are its peaks.
+    """
+    shown = {name: style for name, style in _FORCES.items() if name in trace and np.any(trace[name])}
     nonzero = [axis for axis in range(3) if any(np.any(trace[name][:, axis]) for name in shown)] or [0]
     figure, rows = new_figure(1, len(nonzero), sharey=True)
     axes = rows[0]
     for panel, axis in zip(axes, nonzero, strict=True):
         for name, (label, style) in shown.items():
-            panel.plot(*thin(trace.time, trace[name][:, axis]), label=label, **style)  # type: ignore[arg-type]
+            panel.plot(*thin(trace.time, trace[name][:, axis]), label=label, **style)
         panel.set_title(f"along {AXES[axis]}", **TITLE)
         panel.set_xlabel("time [s]")
     axes[0].set_ylabel("force [N]")
+    if (limits := force_limits(trace)) is not None:
+        axes[0].set_ylim(limits)
+        for panel, axis in zip(axes, nonzero, strict=True):
+            for name, (_, style) in shown.items():
+                _mark_peaks(panel, trace.time, trace[name][:, axis], limits, style["color"])
     if shown:
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
     _mark_divergence(axes, trace)
     return figure
+
+
+def force_limits(trace: Trace) -> tuple[float, float] | None:
+    """Return the limits of the axis of `forces`, N, if a spike at the start of a run would flatten the rest.
+
+    The spike lies in the first tenth of the run, lasts a fiftieth of it at most, and is three times as large as the
+    range of the forces after that tenth. None without such a spike, and if hardly any force follows it.
+    """
+    values = np.hstack([trace[name] for name in _FORCES if name in trace] or [np.zeros((len(trace), 1))])
+    late = trace.time >= trace.time[0] + _START * (trace.time[-1] - trace.time[0])
+    low, high, whole = float(values[late].min()), float(values[late].max()), float(np.ptp(values))
+    if not _FLAT[0] * whole <= high - low <= _FLAT[1] * whole:
+        return None
+    span, least, greatest = high - low, float(values.min()), float(values.max())
+    low = (least if least >= low - _NEAR * span else low) - _ROOM * span
+    high = (greatest if greatest <= high + _NEAR * span else high) + _ROOM * span
+    beyond = ((values < low) | (values > high)).any(axis=1)
+    return (low, high) if 0.0 < np.mean(beyond) <= _RARE else None
 
 
 def torques(trace: Trace) -> Figure:
@@ -169,6 +201,22 @@ def _target(panel: Axes, value: float, label: str) -> None:
     side: dict[str, Any] = {"xytext": (0, 4 if above else -4), "va": "bottom" if above else "top"}
     text: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "fontsize": 9}
     panel.annotate(f"{label} = {value + 0.0:.3g}", (0.98, value), ha="right", **side, **text)
+
+
+def _mark_peaks(panel: Axes, time: Array, values: Array, limits: tuple[float, float], color: str) -> None:
+    """Write the peaks of values (n,) beyond the limits of an axis beside the edge where the line leaves it."""
+    for edge, row, sign in ((limits[0], int(np.argmin(values)), -1.0), (limits[1], int(np.argmax(values)), 1.0)):
+        if sign * (values[row] - edge) <= 0.0:
+            continue
+        panel.annotate(
+            f"{'↓' if sign < 0.0 else '↑'} {values[row]:.3g} N".replace("-", "−"),
+            (float(time[row]), edge),
+            xytext=(7, -sign * 3),
+            textcoords="offset points",
+            va="bottom" if sign < 0.0 else "top",
+            fontsize=9,
+            color=color,
+        )
 
 
 def _mark_divergence(axes: Sequence[Axes], trace: Trace) -> None:

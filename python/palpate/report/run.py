@@ -52,7 +52,8 @@ def run_page(trace: Trace, summary: dict[str, Any] | None = None) -> Page:
     if "deflection" in trace and not ({"proxy", "contact_nodes"} & trace.channels.keys()) and len(trace) > 1:
         page.figure(figures.deflection(trace), "Deflection of the object at the tip.")
     if len(trace) > 1:
-        page.figure(figures.forces(trace), "Forces at the tip.")
+        cut = "" if figures.force_limits(trace) is None else " The start is cut off: arrows give its peaks."
+        page.figure(figures.forces(trace), f"Forces at the tip.{cut}")
         linear = trace.channels["torque"].unit == "N"
         page.figure(figures.torques(trace), f"Motor {'forces' if linear else 'torques'}.")
         page.figure(figures.angles(trace), "Joint positions.")

@@ -459,7 +459,7 @@ def test_axes_are_read_as_a_scenario_file_has_them() -> None:
         len(axes_of({"object.stiffness": f"1 N/m..2 N/m:{10_000}", "object.damping": f"0 N*s/m..1 N*s/m:{10_000}"}))
         == 2
     )
-    with pytest.raises(SweepError, match=r"^100,010,000 cells; the most is 100,000,000$"):
+    with pytest.raises(SweepError, match=r"^100,010,000 cells \(10,001 × 10,000\); the most is 100,000,000: "):
         axes_of({"object.stiffness": "1 N/m..2 N/m:10001", "object.damping": "0 N*s/m..1 N*s/m:10000"})
 
 

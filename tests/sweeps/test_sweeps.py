@@ -19,7 +19,7 @@ from palpate.cli.main import app
 from palpate.errors import OutputError, ScenarioError
 from palpate.report.sweep import sweep_page
 from palpate.sweeps import State, SweepError, merge, open_sweep, sweep
-from palpate.sweeps.axes import LARGEST, Axis, _spread, _value, axes_of, limits_of, stored_axis, with_value
+from palpate.sweeps.axes import Axis, _spread, _value, axes_of, limits_of, stored_axis, with_value
 from palpate.sweeps.run import _run, dask_executor, plan_of
 from palpate.sweeps.store import FileStore
 from palpate.sweeps.sweep_plot import plot_sweep
@@ -268,7 +268,7 @@ def test_mistakes_are_told_in_a_sentence(tmp_path: Path) -> None:
     for text in ("50 N/m..150 N/m", "50 N/m...150 N/m:3", "50 N/m..150 N/m:-3", "50 N/m..150 N/m:2.5"):
         with pytest.raises(SweepError, match="is no range; write both ends"):
             sweep(SLIDER, {"object.stiffness": text})
-    with pytest.raises(SweepError, match="the most is"):
+    with pytest.raises(SweepError, match="a key takes at most"):
         sweep(SLIDER, {"object.stiffness": "1 N/m..2 N/m:99999999999"})
     with pytest.raises(ScenarioError, match='surface belongs to kind = "mesh"'):
         sweep(SLIDER, {"object.surface.stiffness": ["1 N/mm"]})
@@ -537,7 +537,6 @@ def test_a_range_is_even_in_its_values_or_in_their_ratios() -> None:
     assert _spread(1.0, 16.0, 1, True) == (1.0,)
     for low, high, count, logarithmic, said in (
         (0.0, 1.0, 0, False, "a range needs a count of at least 1"),
-        (0.0, 1.0, LARGEST + 1, False, f"{LARGEST + 1:,} values; the most is {LARGEST:,}"),
         (0.0, 1.0, 3, True, "a logarithmic range needs ends above zero"),
         (1.0, 0.0, 3, True, "a logarithmic range needs ends above zero"),
     ):

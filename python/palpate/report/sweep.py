@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from palpate.plotting.style import new_figure
 from palpate.report.html import Page
 from palpate.simulation.verdict import State
 from palpate.sweeps.axes import SweepError
 from palpate.sweeps.run import Sweep
-from palpate.sweeps.sweep_plot import plot_sweep
+from palpate.sweeps.sweep_plot import MOST, plot_sweep
 
 
 def sweep_page(found: Sweep) -> Page:
     """Return the page of a sweep."""
     page = Page(f"Sweep: {found.plan.tables.get('title', '')}", " × ".join(f"{a.path} ({len(a)})" for a in found.axes))
-    states = np.asarray(found["verdict"], dtype=float).ravel()
-    counts = [int(np.count_nonzero(states == state)) for state in State]
+    counts = found.outcomes.tally()
     page.table(
         ["verdict", "cells", "share"],
         [
-            (state.label, f"{count:,}", f"{100 * count / max(len(states), 1):.3g}")
+            (state.label, f"{count:,}", f"{100 * count / found.plan.count:.3g}")
             for state, count in zip(State, counts, strict=True)
             if count
         ],
@@ -36,5 +33,8 @@ def sweep_page(found: Sweep) -> Page:
         plot_sweep(found, rows[0][0])
     except SweepError:
         return page
-    page.figure(figure, "Verdict of each cell. Line: where the linear loop is at its limit.", label="map of verdicts")
+    part = any(len(axis) > MOST for axis in found.axes)
+    drawn = f" Of an axis at most {MOST:,} values are drawn." if part else ""
+    caption = f"Verdict of each cell.{drawn} Line: where the linear loop is at its limit."
+    page.figure(figure, caption, label="map of verdicts")
     return page

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +14,18 @@ from palpate.errors import PalpateError
 from palpate.scenario.reader import lay_settings
 from palpate.units import UNITS, parse_quantity, write
 
-__all__ = ["COLUMNS", "LARGEST", "Axis", "SweepError", "axes_of", "key_of", "limits_of", "with_value"]
+__all__ = [
+    "COLUMNS",
+    "LARGEST",
+    "LONGEST",
+    "Axis",
+    "SweepError",
+    "axes_of",
+    "check_count",
+    "key_of",
+    "limits_of",
+    "with_value",
+]
 
 
 # Keys with a separate value in every lane of the batch: column of the core, SI unit.
@@ -32,6 +44,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
 _RANGE = re.compile(r"\s*(.+?)\s*(?<!\.)\.\.(?!\.)\s*([^:]+?)\s*:\s*(\d+)\s*(log)?\s*")
 _PATH = re.compile(r"[a-z]+(\.[A-Za-z][A-Za-z0-9_]*)+")
 LARGEST = 100_000_000  # cells
+LONGEST = 100_000  # values of a key: each chunk of cells and the file hold all of them as text
 
 
 class SweepError(PalpateError):
@@ -86,13 +99,37 @@ def axes_of(over: Mapping[str, Any]) -> tuple[Axis, ...]:
     """
     if not isinstance(over, Mapping) or not over:
         raise SweepError('nothing to vary: give for example over={"object.stiffness": "100 N/m..5 N/mm:50"}')
-    axes = tuple(_axis(path, values) for path, values in over.items())
+    entries = list(over.items())
+    check_count([_count(path, values) for path, values in entries])  # before the ranges are expanded
+    axes = tuple(_axis(path, values) for path, values in entries)
     if len({axis.path for axis in axes}) < len(axes):
         raise SweepError("a key is varied twice")
-    count = int(np.prod([len(axis) for axis in axes], dtype=float))
-    if count > LARGEST:
-        raise SweepError(f"{count:,} cells; the most is {LARGEST:,}")
     return axes
+
+
+def check_count(sizes: Sequence[int]) -> None:
+    """Raise SweepError if the cells are too many: the product of `sizes`, of the axes and of the draws."""
+    if (count := math.prod(sizes)) > LARGEST:
+        raise SweepError(
+            f"{count:,} cells ({' × '.join(f'{size:,}' for size in sizes)}); the most is {LARGEST:,}: use fewer values "
+            "or draws"
+        )
+
+
+def _count(path: str, values: Any) -> int:
+    """Return the number of values of a key without expanding them. Raise SweepError if they are too many."""
+    if isinstance(values, str):
+        match = _RANGE.fullmatch(values)
+        count = int(match[3]) if match else values.count(",") + 1
+    else:
+        count = (
+            int(np.size(values)) if isinstance(values, np.ndarray) or not hasattr(values, "__len__") else len(values)
+        )
+    if count > LONGEST:
+        raise SweepError(
+            f"{path}: {count:,} values; a key takes at most {LONGEST:,}: use fewer, or draw them at random (random)"
+        )
+    return count
 
 
 def limits_of(path: str, text: Any) -> tuple[float, float]:
@@ -186,8 +223,6 @@ def _axis(path: str, values: Any) -> Axis:
 def _spread(low: float, high: float, count: int, logarithmic: bool) -> tuple[float, ...]:
     if count < 1:
         raise ValueError("a range needs a count of at least 1")
-    if count > LARGEST:
-        raise ValueError(f"{count:,} values; the most is {LARGEST:,}")
     if not logarithmic:
         return tuple(float(x) for x in np.linspace(low, high, count))
     if low <= 0 or high <= 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,15 @@ QUANTITIES: dict[str, tuple[int, str, str]] = {
 }
 
 
+@runtime_checkable
+class Tallied(Protocol):
+    """Outcomes that count their states themselves."""
+
+    def tally(self) -> list[int]:
+        """Return the number of cells in each State."""
+        ...
+
+
 class Outcomes(Mapping[str, Array]):
     """Arrays by name of QUANTITIES, each with one row per cell.
 
@@ -44,6 +54,12 @@ class Outcomes(Mapping[str, Array]):
 
     def __len__(self) -> int:
         return len(self._values)
+
+    def tally(self) -> list[int]:
+        """Return the number of cells in each State. Those of a file are read a part at a time."""
+        if isinstance(self._values, Tallied):
+            return self._values.tally()
+        return [int(np.count_nonzero(self["verdict"] == state.value)) for state in State]
 
     @property
     def growth(self) -> Array:

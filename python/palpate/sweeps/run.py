@@ -20,11 +20,11 @@ from palpate.errors import PalpateError, shorten
 from palpate.scenario import Scenario
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import State
-from palpate.sweeps.axes import LARGEST, Axis, SweepError, axes_of, limits_of
+from palpate.sweeps.axes import LARGEST, Axis, SweepError, axes_of, check_count, limits_of
 from palpate.sweeps.excitation import Excitation
 from palpate.sweeps.outcomes import Outcomes
 from palpate.sweeps.plan import Design, Plan
-from palpate.sweeps.store import FileStore, MemoryStore, read
+from palpate.sweeps.store import FileStore, MemoryStore, bytes_of, read
 from palpate.sweeps.sweep_plot import plot_sweep
 
 __all__ = ["Sweep", "open_sweep", "plan_of", "sweep"]
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str, float], None]
 MOST_SEEDS = 2**53 // LARGEST  # a cell's own seed travels as a double
+IN_MEMORY = 10_000_000  # cells whose outcomes a sweep without a file holds, at most: 1.4 GB
 IN_FLIGHT = 3  # chunks asked of an executor for each of its workers
 
 
@@ -142,19 +143,26 @@ def sweep(
         seed: of the draws, and of how late the ticks of each cell come (servo.jitter).
         design: "cell": the controller is designed anew for the stiffness of each cell; "once": for the scenario as it
             stands, as `zwidth` does.
-        out: HDF5 file, created, or resumed if it holds the same sweep. None: results stay in memory.
+        out: HDF5 file, created, or resumed if it holds the same sweep. None: results stay in memory, of at most 10^7
+            cells.
         executor: runs the chunks; None: the cores of this machine.
         workers: threads here, or workers of the executor (chunks are kept ready for each); all cores if not given.
         shard: (i, n): only every n-th chunk, from the i-th on, 1 <= i <= n; `merge` puts the files together.
         progress: called with a text and the fraction done, 0 to 1.
 
     Raises:
-        SweepError: an unknown key, a scenario that the batch does not run, another sweep's file.
+        SweepError: an unknown key, more than 10^5 values of a key or 10^8 cells, a scenario that the batch does not
+            run, another sweep's file.
         ScenarioError, DesignError, PoseError: as `palpate.simulate`, for any combination of ends.
         OutputError: the file cannot be written; finished chunks are kept.
     """
     scenario = _read(scenario)
     plan = plan_of(scenario, over, random=random, draws=draws, seed=seed, design=design)
+    if out is None and plan.count > IN_MEMORY:
+        raise SweepError(
+            f"out: {plan.count:,} cells take {bytes_of(plan.count) / 1e9:.2g} GB, and a sweep in memory has at most "
+            f'{IN_MEMORY:,} cells: name a file, as in out="sweep.h5"'
+        )
     plan.check(scenario)
     _share([], shard)  # refused before a file is made
     store: FileStore | MemoryStore = MemoryStore(plan) if out is None else FileStore(out, plan)
@@ -204,6 +212,7 @@ def plan_of(
     axes = axes_of(over)
     if twice := limits.keys() & {axis.path for axis in axes}:
         raise SweepError(f"{min(twice)} is varied and drawn at random")
+    check_count([*map(len, axes), *([int(draws)] if draws > 1 else [])])
     return Plan(scenario.to_dict(), axes, limits, draws, seed, design)
 
 

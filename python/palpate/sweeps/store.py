@@ -36,9 +36,10 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["FileStore", "MemoryStore", "StoredValues", "merge", "read", "tally"]
+__all__ = ["FileStore", "MemoryStore", "StoredValues", "bytes_of", "merge", "read", "tally"]
 
 _DONE: Final = 1 << 32  # added to the CRC-32 of a chunk that is done
+_PART: Final = 1 << 20  # cells that are counted at once
 _SYNC: Final = 1 << 24  # bytes after which the file is flushed to the disk
 
 
@@ -205,11 +206,25 @@ class StoredValues(Mapping[str, Array]):
     def __getitem__(self, name: str) -> Array:
         if name not in QUANTITIES:
             raise KeyError(name)
-        offset, size = self._places[name]
+        columns = QUANTITIES[name][0]
+        rows: Array = np.empty(self._places[name][1] // 8)
         with _opened(self._path) as handle:
-            rows = _rows(os.pread(handle, size, offset), name).copy()
+            _fill(handle, rows, self._places[name][0])
+        rows = rows.reshape(-1, columns) if columns > 1 else rows
         rows[self._left] = np.nan
         return rows.reshape(*self._shape, *rows.shape[1:])
+
+    def tally(self) -> list[int]:
+        """Return the number of cells in each State, from a part of the file at a time."""
+        counts = np.zeros(len(State), dtype=np.int64)
+        offset, size = self._places["verdict"]
+        with _opened(self._path) as handle:
+            for first in range(0, size // 8, _PART):
+                part = np.empty(min(_PART, size // 8 - first))
+                _fill(handle, part, offset + 8 * first)
+                known = part[~self._left[first : first + len(part)]]
+                counts += [np.count_nonzero(known == state.value) for state in State]
+        return counts.tolist()
 
     def __iter__(self) -> Iterator[str]:
         return iter(QUANTITIES)
@@ -220,8 +235,7 @@ class StoredValues(Mapping[str, Array]):
 
 def tally(path: str | Path) -> list[int]:
     """Return the number of cells of a file in each State. Raise as `read`."""
-    verdict = read(path)[1]["verdict"]
-    return [int(np.count_nonzero(verdict == state.value)) for state in State]
+    return read(path)[1].tally()
 
 
 def read(path: str | Path) -> tuple[Plan, StoredValues, NDArray[np.bool_]]:
@@ -320,6 +334,22 @@ def _lock(handle: int, path: Path) -> None:
         return
 
 
+def bytes_of(cells: int) -> int:
+    """Return the size of the outcomes of so many cells, bytes."""
+    return 8 * sum(columns for columns, _, _ in QUANTITIES.values()) * cells
+
+
+def _fill(handle: int, values: Array, offset: int) -> None:
+    """Fill an array with the numbers at `offset` of an open file; nan beyond its end."""
+    view, done = values.data.cast("B"), 0
+    while done < len(view):
+        count = os.preadv(handle, [view[done:]], offset + done)
+        if count == 0:
+            values[done // 8 :] = np.nan
+            return
+        done += count
+
+
 def _rows(data: bytes, name: str) -> Array:
     """Return the values of a dataset, one row per cell."""
     flat = np.frombuffer(data, dtype="<f8")
@@ -355,8 +385,7 @@ def _lay_out(path: Path, plan: Plan) -> None:
         file["done"].attrs["meaning"] = "of each chunk of cells: 0 not run, else 2^32 plus the CRC-32 of its cells"
         return ranges
 
-    numbers = sum(columns for columns, _, _ in QUANTITIES.values())
-    write_hdf5(path, fill, reserve=8 * numbers * plan.count + 8 * plan.chunks + 2 * len(plan.text()) + 65536)
+    write_hdf5(path, fill, reserve=bytes_of(plan.count) + 8 * plan.chunks + 2 * len(plan.text()) + 65536)
 
 
 def _place(file: h5py.File, name: str, shape: tuple[int, ...], kind: str, fill: float) -> Range:

@@ -34,6 +34,7 @@ COLORS: Final = {
     State.STABLE: "#cfe3ef",
 }
 SCALES: Final = {"N/m": (1e-3, "N/mm"), "m": (1e3, "mm"), "s": (1e3, "ms")}
+MOST: Final = 1000  # cells along an axis that are drawn: of more, every second or third one, and so on
 FINE: Final = 300  # points along the second axis of the grid on which the exact boundary is traced
 
 
@@ -52,7 +53,8 @@ class _Result(Protocol):
 def plot_sweep(found: _Result, ax: Axes | None = None) -> Axes:
     """Draw the verdicts of a sweep and return the axes.
 
-    Two axes give a map; the first one is vertical. One axis gives the ripple of each cell, m. A map over the stiffness
+    Two axes give a map; the first one is vertical. One axis gives the ripple of each cell, m. Of an axis with more than
+    1000 values, every second or third one is drawn, and so on. A map over the stiffness
     and damping of a spring or wall also has the exact boundary of the linear loop.
 
     Args:
@@ -69,18 +71,28 @@ def plot_sweep(found: _Result, ax: Axes | None = None) -> Axes:
         from matplotlib import pyplot
 
         ax = pyplot.subplots(figsize=(6.4, 4.2), layout="constrained")[1]
-    states = np.asarray(found.outcomes["verdict"], dtype=float)
+    states = _thinned(found, "verdict")
     (_line if len(axes) == 1 else _map)(found, ax, states)
     present = [state for state in State if np.any(states == state)]
     _legend(ax, present)
     return ax
 
 
+def _thinned(found: _Result, name: str) -> NDArray[np.float64]:
+    """Return the values of the cells that are drawn, by name of the outcome."""
+    steps = tuple(slice(None, None, _step(axis)) for axis in found.plan.axes)
+    return np.array(np.asarray(found.outcomes[name])[steps], dtype=float)  # a copy: the whole need not be kept
+
+
+def _step(axis: Axis) -> int:
+    return -(-len(axis) // MOST)
+
+
 def _map(found: _Result, ax: Axes, states: NDArray[np.float64]) -> None:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     vertical, horizontal = found.plan.axes
-    y, x = _scaled(vertical), _scaled(horizontal)
+    y, x = (_scaled(axis)[:: _step(axis)] for axis in (vertical, horizontal))
     colors = ListedColormap([COLORS[state] for state in State])
     norm = BoundaryNorm(np.arange(len(State) + 1) - 0.5, len(State))
     ax.pcolormesh(x, y, np.ma.masked_invalid(states), cmap=colors, norm=norm, shading="nearest", rasterized=True)
@@ -93,7 +105,7 @@ def _map(found: _Result, ax: Axes, states: NDArray[np.float64]) -> None:
 
 def _line(found: _Result, ax: Axes, states: NDArray[np.float64]) -> None:
     axis = found.plan.axes[0]
-    x, ripple = _scaled(axis), 1e3 * np.asarray(found.outcomes["ripple"], dtype=float)
+    x, ripple = _scaled(axis)[:: _step(axis)], 1e3 * _thinned(found, "ripple")
     known = ripple[np.isfinite(ripple) & (ripple > 0.0)]
     top = known.max() if len(known) else 1.0
     shown = np.where(np.isfinite(ripple), np.maximum(ripple, 1e-9), 3.0 * top)  # those that diverged, at the top

@@ -79,6 +79,18 @@ def without(first, last):
         ),
         (lines()[:20], "19 samples are too few"),
         ([], "the file is empty"),
+        (
+            ['title = "press"', "", "[device]", 'name = "slider"'],
+            "bad.csv, line 1: this is not a recording, as no column",
+        ),
+        (['{"state": "settled",', '"verdict": 1}'], "bad.csv, line 1: this is not a recording, as no column"),
+        (["name, age", "Bob, 3"], "bad.csv, line 1: this is not a recording, as no column is a time"),
+        (lines()[1:], "bad.csv, line 1: numbers stand where the columns are named; write 'time [s], theta1"),
+        (
+            [line.replace(",", ";") for line in lines()],
+            "line 1: semicolons separate the columns; separate them by commas",
+        ),
+        ([line.replace(", ", "\t") for line in lines()], "line 1: tabs separate the columns; separate them by commas"),
     ],
 )
 def test_a_bad_file_is_named_with_the_line(tmp_path, content, says):
@@ -93,6 +105,10 @@ def test_bad_hdf5_files_are_named(tmp_path):
     file = tmp_path / "bad.h5"
     file.write_text("no")
     with pytest.raises(RecordingError, match="not an HDF5 file"):
+        Recording.load(file)
+    with h5py.File(file, "w") as store:
+        store["vertices"] = np.zeros((4, 3))
+    with pytest.raises(RecordingError, match=r"bad\.h5: this is not a recording, as it has none of the channels time"):
         Recording.load(file)
     with h5py.File(file, "w") as store:
         store["time"] = np.arange(N) * 1e-3

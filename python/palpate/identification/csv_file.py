@@ -19,6 +19,7 @@ from palpate.identification.channel_units import CHANNELS, channel_scale
 from palpate.identification.samples import MINIMUM_SAMPLES, Columns, check_samples
 
 _HEADER = re.compile(r"^\s*([A-Za-z_]+?)\s*_?(\d*)\s*(?:\[\s*(.*?)\s*\])?\s*$")
+_EXAMPLE = "'time [s], theta1 [rad], ..., tau1 [N*m]'"
 _LARGEST = 200_000_000  # bytes
 _NAMES = {
     "time": ("time", "t"),
@@ -98,11 +99,14 @@ def _read_table(file: Path) -> _Table:
                     metadata = load_table(text, RecordingError, f"{where}: metadata")
                 continue
             if header is None:
-                if any(not cell.isprintable() or "\ufffd" in cell for cell in map(str.strip, fields)):
+                if any(
+                    not cell.replace("\t", " ").isprintable() or "\ufffd" in cell for cell in map(str.strip, fields)
+                ):
                     raise RecordingError(
                         f"{where}: this is not a text file; a recording is CSV with a header "
                         "'time [s], theta1 [rad], ..., tau1 [N*m]', or HDF5"
                     )
+                _check_header(fields, where)
                 header = fields
                 continue
             if len(fields) != len(header):
@@ -139,6 +143,31 @@ def _rows(reader: Any, file: Path) -> Iterator[list[str]]:
         raise RecordingError(f"{file}, line {reader.line_num}: not CSV: {problem}") from None
 
 
+def _check_header(fields: list[str], where: str) -> None:
+    """Raise RecordingError unless a field of the first line names a channel."""
+    cells = [cell.strip() for cell in fields]
+    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
+        if len(cells) == 1 and any(map(_channel_of, cells[0].split(separator)[1:])):
+            raise RecordingError(f"{where}: {name} separate the columns; separate them by commas")
+    if any(map(_channel_of, fields)):
+        return
+    if all(re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", cell) for cell in cells):
+        raise RecordingError(
+            f"{where}: numbers stand where the columns are named; write {_EXAMPLE} as the first line, with the units "
+            "of the file"
+        )
+    raise RecordingError(
+        f"{where}: this is not a recording, as no column is a time, angle or torque; give CSV with the header "
+        f"{_EXAMPLE}, or HDF5"
+    )
+
+
+def _channel_of(cell: str) -> str | None:
+    """Return the channel that a field of the header names; None if it names none."""
+    match = _HEADER.match(cell)
+    return _CHANNEL_OF.get(match[1].rstrip("_").lower()) if match else None
+
+
 def _refuse_text(fields: list[str], header: list[str], where: str) -> NoReturn:
     """Raise RecordingError, naming the first field that is not a number."""
     for cell, name in zip(fields, header, strict=True):
@@ -156,8 +185,7 @@ def _sort_header(header: list[str], file: Path) -> tuple[dict[str, list[_Column]
     found: dict[str, list[_Column]] = {channel: [] for channel in CHANNELS}
     slides: set[bool] = set()
     for index, cell in enumerate(header):
-        match = _HEADER.match(cell)
-        channel = _CHANNEL_OF.get(match[1].rstrip("_").lower()) if match else None
+        match, channel = _HEADER.match(cell), _channel_of(cell)
         if match is None or channel is None:
             continue
         scale, sliding = channel_scale(channel, match[3] or "", f"{file}, header: column '{cell.strip()}'")

@@ -32,6 +32,11 @@ def read_hdf5(file: Path) -> Columns:
     """Return the samples of a file. Raise RecordingError, naming the channel, if one is missing or has no unit."""
     with open_foreign(file, RecordingError, "recording") as store:
         places = {name: _place(store, name) for name in _DESCRIPTIONS}
+        if not any(places.values()):
+            raise RecordingError(
+                f"{file}: this is not a recording, as it has none of the channels time, angle and torque; give the "
+                "trace of a run, or a file with these channels"
+            )
         for name in ("time", "angle", "torque"):
             if not places[name]:
                 raise RecordingError(

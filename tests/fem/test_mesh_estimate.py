@@ -17,6 +17,8 @@ from palpate.fem.material import Material
 from palpate.fem.mesh_estimate import (
     _MEMORY,
     _PROGRAM,
+    MAX_SPACING,
+    FineZone,
     _inner_samples,
     _needed,
     check_memory_before,
@@ -61,6 +63,30 @@ def test_a_build_over_the_budget_is_refused_at_once_with_a_spacing_that_fits() -
         Mesh(SPHERE.vertices, SPHERE.faces), young=5e3, fixed="z < -20 mm", spacing=f"{fits} mm", memory="0.4 GB"
     )
     assert body.record["memory_bytes"] < 0.4e9
+
+
+@pytest.mark.parametrize("budget", ["30 MB", "0.15 GB"])
+def test_no_spacing_is_named_where_none_fits(budget: str) -> None:
+    """The program takes 0.15 GB by itself, which is more than seven tenths of these budgets."""
+    surface = surface_of(SPHERE)
+    with pytest.raises(BodyError) as refusal:
+        check_memory_before(surface, 1e-3, 2, budget, touched=True)
+    text = str(refusal.value)
+    assert f"over the budget of {budget}: use a smaller contact surface (touch), or a larger budget, as no" in text
+    assert "spacing of" not in text.split("use ")[1]
+    zone = FineZone(1e-4, 1e-3, 0.3, 5e-3)
+    with pytest.raises(BodyError, match=r"use a larger budget, as no spacing fits this one$"):
+        check_memory_before(surface, 5e-3, 2, budget, touched=True, zone=zone)
+
+
+@pytest.mark.parametrize("budget", [0.23e9, 0.3e9, 0.5e9, 1e9])
+def test_a_named_spacing_passes(budget: float) -> None:
+    surface = surface_of(SPHERE)
+    with pytest.raises(BodyError, match=r"use a spacing of [\d.]+ mm or more") as refusal:
+        check_memory_before(surface, 0.5e-3, 2, budget, touched=True)
+    fits = 1e-3 * float(str(refusal.value).split("use a spacing of ")[1].split()[0])
+    assert _needed(surface, fits, 2, True, 0) <= budget
+    assert fits <= MAX_SPACING * surface.thickness
 
 
 def test_the_budget_before_the_mesh_counts_the_modes() -> None:

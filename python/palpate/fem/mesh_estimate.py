@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -24,6 +24,8 @@ _CONTACT: Final = 1.75
 _MEMORY: Final = 400.0  # bytes per unknown^1.25: median of the same bodies 340 (order 2) and 260 (order 1), largest 614
 _PROGRAM: Final = 0.15e9  # bytes of the program and its libraries
 _MARGIN: Final = 1.5  # by which the estimate of memory may be too large
+_SHARES: Final = (0.7, 0.85, 0.95)  # of a budget, tried in turn for the spacing to name
+MAX_SPACING: Final = 1.3  # thicknesses of a body: cells with a larger spacing do not fill it
 _SAMPLES: Final = 200_000  # points at which a surface is compared with the fixed regions
 
 
@@ -116,24 +118,57 @@ def check_memory_before(
         return
     guess = estimate(surface, spacing, order, zone)
     if zone is not None:
-        fine = zone
-        while _needed(surface, spacing, order, touched, modes, fine) > 0.7 * allowed and fine.spacing < spacing:
-            fine = replace(fine, spacing=1.05 * fine.spacing)
+        fine = _fitting(
+            lambda edge: _needed(surface, spacing, order, touched, modes, replace(zone, spacing=edge)),
+            zone.spacing, spacing, allowed,
+        )  # fmt: skip
+        use = (
+            ""
+            if fine is None
+            else f"{1e3 * fine:.2g} mm or more, a larger growth, a smaller contact surface (touch), or "
+        )
         raise BodyError(
             f"memory: a spacing of {1e3 * zone.spacing:.3g} mm at the touched region gives about {guess.nodes:.2g} "
-            f"nodes and {size / 1e9:.2g} GB, over the budget of {allowed / 1e9:.3g} GB: use {1e3 * fine.spacing:.2g} "
-            "mm or more, a larger growth, a smaller contact surface (touch), or a larger budget"
+            f"nodes and {size / 1e9:.2g} GB, over the budget of {_budget(allowed)}: use {use}{_larger(fine)}"
         )
-    fits = spacing
-    while _needed(surface, fits, order, touched, modes) > 0.7 * allowed and fits < surface.extent:
-        fits *= 1.05
+    fits = _fitting(
+        lambda edge: _needed(surface, edge, order, touched, modes), spacing, MAX_SPACING * surface.thickness, allowed
+    )
     dear = _needed(surface, spacing, order, touched, 0) < size
     fewer = _modes(surface, spacing, order, modes).remedy if dear else ""
-    remedy = f"a spacing of {1e3 * fits:.2g} mm or more, {fewer}a smaller contact surface (touch), or a larger budget"
+    use = "" if fits is None else f"a spacing of {1e3 * fits:.2g} mm or more, "
+    remedy = f"{use}{fewer}a smaller contact surface (touch), or {_larger(fits)}"
     raise BodyError(
         f"memory: a spacing of {1e3 * spacing:.3g} mm {f'with {modes} modes ' if dear else ''}gives about "
-        f"{guess.nodes:.2g} nodes and {size / 1e9:.2g} GB, over the budget of {allowed / 1e9:.3g} GB: use {remedy}"
+        f"{guess.nodes:.2g} nodes and {size / 1e9:.2g} GB, over the budget of {_budget(allowed)}: use {remedy}"
     )
+
+
+def _fitting(memory: Callable[[float], float], spacing: float, most: float, allowed: float) -> float | None:
+    """Return a spacing with two digits, m, that needs 0.7 of `allowed` bytes, or more of them if none needs less.
+
+    None if no spacing up to `most` fits.
+    """
+    for share in _SHARES:
+        edge = spacing
+        while edge <= most:
+            rounded = _two_digits(edge)
+            if memory(edge) <= share * allowed and memory(rounded) <= (share + 0.05) * allowed and rounded <= most:
+                return rounded
+            edge *= 1.05
+    return None
+
+
+def _two_digits(length: float) -> float:
+    return 1e-3 * float(f"{1e3 * length:.2g}")
+
+
+def _budget(allowed: float) -> str:
+    return f"{allowed / 1e9:.3g} GB" if allowed >= 1e8 else f"{allowed / 1e6:.3g} MB"
+
+
+def _larger(fits: float | None) -> str:
+    return "a larger budget" if fits is not None else "a larger budget, as no spacing fits this one"
 
 
 def check_parts(surface: ClosedSurface, fixed: Sequence[Selector], spacing: float) -> None:

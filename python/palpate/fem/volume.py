@@ -21,6 +21,7 @@ from palpate.fem.checks import length, lengths, positive, unit_of_length, warn_o
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.isosurface_stuffing import lattice_over, stuff
+from palpate.fem.mesh_estimate import MAX_SPACING
 from palpate.fem.mesh_improvement import improve, manifold
 from palpate.fem.mesher import tetrahedra
 from palpate.fem.refinement import Size, refine
@@ -56,7 +57,6 @@ np.savez("result.npz", points=np.asarray(mesh.points, dtype=float), cells=cells.
 # Faces of a tetrahedron of positive volume, counterclockwise seen from outside.
 _MAX_COUNT: Final = 2e7  # tetrahedra; far more than fit in memory
 _MAX_GRADED: Final = 2e6  # tetrahedra of a graded mesh, ten times those of 50,000 nodes
-_THICK: Final = 1.3  # thicknesses, largest spacing
 _VOLUME_ERROR: Final = 0.1  # relative, of a filled surface
 
 
@@ -275,7 +275,7 @@ def fill_surface(
     """Fill a closed surface with edges of about `step`, m, or of `size` where that is smaller; see `fill`."""
     _check_count(6.0 * 2.0**0.5 * surface.volume / step**3, source)  # count of regular tetrahedra
     thick = surface.thickness
-    if mesher == "stuffing" and step > _THICK * thick:
+    if mesher == "stuffing" and step > MAX_SPACING * thick:
         raise BodyError(
             f"spacing: {source}: the body is {1e3 * thick:.2g} mm thick on average, too thin for a spacing of "
             f"{1e3 * step:.3g} mm: use a smaller one, such as {1e3 * thick / 2.0:.2g} mm"

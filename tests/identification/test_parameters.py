@@ -352,3 +352,26 @@ def test_a_delay_counts_from_four_of_its_own_deviations_if_it_moves_a_parameter(
         assert doubts[0].endswith("until then the intervals of h do not hold.")
     assert _late_torque(fit, replace(delayed, value=np.append(fit.value + 0.49 * fit.half_width, delay))) == []
     assert _late_torque(fit, replace(delayed, value=np.append(fit.value + 0.51 * fit.half_width, 1.0))) != []
+
+
+@pytest.mark.parametrize("mistake", ["degrees as radians", "offset of an angle", "bias of a torque", "dry friction"])
+def test_a_model_that_leaves_much_of_the_torque_is_doubted(mistake: str) -> None:
+    """The intervals count noise alone: they are tight about a wrong value."""
+    made = identify.simulate_experiment(ARM, duration=10.0, period=2e-3, seed=3)
+    assert identify.estimate_parameters(made, ARM).doubts == ()
+    angle, torque, device = made.angle, made.torque, ARM
+    if mistake == "degrees as radians":
+        angle = np.degrees(angle) / 10.0
+    elif mistake == "offset of an angle":
+        angle = angle + 0.2
+    elif mistake == "bias of a torque":
+        torque = torque + 0.01
+    else:
+        device = SLIDER.with_friction(viscous=[0.5], coulomb=[0.02])
+        made = identify.simulate_experiment(device, duration=10.0, period=2e-3, seed=2)
+        angle, torque = made.angle, made.torque
+    fit = identify.estimate_parameters(replace(made, angle=angle, torque=torque), device, coulomb=False)
+    assert fit.torque_error.max() > 10.0
+    assert fit.doubts
+    if mistake in ("offset of an angle", "bias of a torque", "dry friction"):
+        assert "of the torque of joint" in fit.doubts[-1]

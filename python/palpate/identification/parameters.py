@@ -38,6 +38,7 @@ DELAY = Parameter("delay", "s", "delay of the torque", 0)
 SIGNIFICANT = 4.0  # standard deviations above which a delay or a negative friction is not noise
 BETTER = 2 / 3  # torque error without the rows at an end of a channel's range, below which the channel is clipped
 EXACT = 0.5  # percent of the torque; a fit that leaves less needs no explanation
+UNEXPLAINED = 10.0  # percent of a joint's torque; a fit that leaves more has much noise, or the wrong model
 MAX_RELATIVE_STD = 0.1  # standard deviation over the joint torque above which a parameter is undetermined
 
 
@@ -219,7 +220,7 @@ def estimate_parameters(
         if np.any(keep * kept < keep):
             trials.append((name, marked, rest))
     doubts += _clipped(fit, trials)
-    return replace(fit, doubts=tuple(doubts))
+    return replace(fit, doubts=tuple(doubts or _unexplained(fit)))
 
 
 def _append(columns: Array, column: Array) -> Array:
@@ -241,6 +242,18 @@ def _nonphysical(fit: ParameterFit) -> list[str]:
     if not said:
         return []
     return [f"No device has these parameters: {said}. Check the signs of angles and torques, and the time stamps."]
+
+
+def _unexplained(fit: ParameterFit) -> list[str]:
+    """Return the doubt about joints whose torque the model does not explain; noise alone is part of the intervals."""
+    much = [(j + 1, left) for j, left in enumerate(fit.torque_error) if left > UNEXPLAINED]
+    if not much:
+        return []
+    shares = ", ".join(f"{left:.0f} % of the torque of joint {joint}" for joint, left in much)
+    return [
+        f"The fit leaves {shares} unexplained. The intervals hold if that is noise. They do not if an angle or a "
+        "torque has another unit or zero than stated, or the device moves otherwise than its model."
+    ]
 
 
 def _late_torque(fit: ParameterFit, delayed: ParameterFit) -> list[str]:

@@ -175,6 +175,8 @@ def _summary(result: dict[str, Any], fit: ParameterFit) -> str:
     if fit.undetermined:
         lines.append(f"Too little excitation for {', '.join(fit.undetermined)}: move more, or at more poses.")
     lines += [f"Doubt: {doubt}" for doubt in fit.doubts]
+    left = ", ".join(f"{share:.2g} %" for share in fit.torque_error)
+    lines.append(f"Torque that the fit leaves unexplained, per joint: {left}.")
     runs = result["free_run"]
     lines.append(f"Free run on the last {100 * (1 - USED):.0f} %, not used for the fit, NRMSE per joint:")
     for name, key in (("fitted device", "device"), ("ARX", "arx")):

@@ -19,7 +19,15 @@ from palpate.simulation.tool_motion import tick_times
 from palpate.simulation.trace import Trace
 from palpate.units import parse_quantity
 
-__all__ = ["FEW", "JND", "PalpationMetrics", "palpation_metrics", "stiffness_along_path", "work_so_far"]
+__all__ = [
+    "FEW",
+    "JND",
+    "PalpationMetrics",
+    "deepest_sample",
+    "palpation_metrics",
+    "stiffness_along_path",
+    "work_so_far",
+]
 
 JND = 0.23  # just noticeable relative difference of stiffness (Jones & Hunter 1990)
 MIN_SWEEP = 10e-3  # m, path length from which a run counts as a sweep
@@ -114,6 +122,13 @@ class PalpationMetrics:
         return {**named, "settled": self.settled}
 
 
+def deepest_sample(trace: Trace) -> int | None:
+    """Return the sample with the largest deflection, of those in contact whose force was found; None without any."""
+    known = (trace["touching"][:, 0] > 0.0) & (trace["solved"][:, 0] > 0.0)
+    depth = np.linalg.norm(trace["deflection"], axis=1)
+    return int(np.argmax(np.where(known, depth, -1.0))) if known.any() else None
+
+
 def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     """Return the metrics of a trace on a body; None without a body or with fewer than two samples in contact."""
     if "contact_nodes" not in trace or np.count_nonzero(trace["touching"]) < 2:
@@ -126,8 +141,8 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     time, contact = trace.time[first:], touching[:, 0] > 0.0
     depth = np.linalg.norm(deflection, axis=1)
     magnitude = np.linalg.norm(force, axis=1)
-    known = contact & (solved[:, 0] > 0.0)
-    at = int(np.argmax(np.where(known, depth, -1.0) if known.any() else depth))
+    row = deepest_sample(trace)
+    at = int(np.argmax(depth)) if row is None else row - first
     move = np.diff(tip, axis=0)
     work = float(work_so_far(trace)[-1])
     final, tank, initial = float(stored[-1, 0]), float(saved[-1, 0]), float(stored[0, 0] + saved[0, 0])

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from palpate.metrics.body_contact import JND
+from palpate.metrics.body_contact import JND, deepest_sample
 from palpate.plotting.body_contact import (
     body_energy,
     deformed_surface,
@@ -102,8 +102,7 @@ def sliding_section(page: Page, trace: Trace, sliding: dict[str, Any]) -> None:
 
 def palpation_section(page: Page, trace: Trace, found: dict[str, Any]) -> None:
     """Add the section on contact with a body; `found` is `summarize(trace)["palpation"]`."""
-    solved = (trace["solved"][:, 0] > 0.0) & (trace["touching"][:, 0] > 0.0)  # elsewhere the pressure is not known
-    deepest = int(np.argmax(np.where(solved, np.linalg.norm(trace["deflection"], axis=1), -1.0)))
+    deepest = deepest_sample(trace) or 0  # where the force was not found, the pressure is not known
     page.section("Deformable body")
     at = pressed_at(trace, deepest)
     picture = deformed_surface(at.body, at.displacement, at.pressure)

@@ -103,8 +103,7 @@ def _read_table(file: Path) -> _Table:
                     not cell.replace("\t", " ").isprintable() or "\ufffd" in cell for cell in map(str.strip, fields)
                 ):
                     raise RecordingError(
-                        f"{where}: this is not a text file; a recording is CSV with a header "
-                        "'time [s], theta1 [rad], ..., tau1 [N*m]', or HDF5"
+                        f"{where}: this is not a text file; a recording is CSV with a header {_EXAMPLE}, or HDF5"
                     )
                 _check_header(fields, where)
                 header = fields
@@ -117,9 +116,7 @@ def _read_table(file: Path) -> _Table:
                 _refuse_text(fields, header, where)
             lines.append(reader.line_num)
     if header is None:
-        raise RecordingError(
-            f"{file}: the file is empty; a header 'time [s], theta1 [rad], ..., tau1 [N*m]' is expected"
-        )
+        raise RecordingError(f"{file}: the file is empty; a header {_EXAMPLE} is expected")
     return _Table(header, rows, lines, metadata)
 
 

@@ -359,10 +359,11 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
   /// Record the state of friction and body at the end of the tick.
   void finish_tick() noexcept {
-    last_energy_ = stored_energy_ = tick_energy_;
-    if (offset_ != nullptr) stored_energy_ += offset_->energy();
+    const double held = offset_ != nullptr ? offset_->energy() : 0.0;
+    last_energy_ = tick_energy_;
+    stored_energy_ = tick_energy_ + held;
     if (!friction_ && !motion_) return;
-    double layers = offset_ != nullptr ? offset_->energy() : 0.0;
+    double layers = held;
     BodyMotion::Period period{.nodes = load_node_.data(), .forces = loads_.data()};
     for (int k = 0; k < near_.engaged(); ++k) {
       move_node(k);

@@ -175,6 +175,21 @@ class LinearBodySolver {
     return out;
   }
 
+  /// Displacement of node i by forces on the loaded nodes along the inward normals, m.
+  template <class Elastic>
+  [[nodiscard]] static double displacement_by(const Elastic& body, std::int32_t i, const std::int32_t* loaded, const double* forces,
+                                              int loads) noexcept {
+    double sum = 0.0;
+    for (int c = 0; c < loads; ++c) sum += body.compliance(i, loaded[c]) * forces[c];
+    return sum;
+  }
+
+  /// Let the look-ahead adopt the state and step under the forces, but for its last step.
+  void step_look_ahead(const std::int32_t* loaded, const double* forces, int loads) {
+    if constexpr (HasState<Model>) look_ahead_.take_state(model_);
+    for (int k = 1; k < look_ahead_steps_; ++k) look_ahead_.advance(loaded, forces, loads);
+  }
+
   void linearize(LinearLocalModel& to) {
     const auto count = static_cast<std::size_t>(nodes_->size());
     to.free_displacement.resize(count);
@@ -183,19 +198,13 @@ class LinearBodySolver {
     const std::int32_t* const loaded = contact_.contact_nodes();
     const double* const forces = contact_.forces();
     const int loads = contact_.last().nodes;
-    const auto displacement_by = [&](const auto& compliance, std::int32_t i) {
-      double sum = 0.0;
-      for (int c = 0; c < loads; ++c) sum += compliance.compliance(i, loaded[c]) * forces[c];
-      return sum;
-    };
-    if constexpr (HasState<Model>) look_ahead_.take_state(model_);
-    for (int k = 1; k < look_ahead_steps_; ++k) look_ahead_.advance(loaded, forces, loads);
+    step_look_ahead(loaded, forces, loads);
     for (std::int32_t i = 0; i < nodes_->size(); ++i) {
       const auto k = static_cast<std::size_t>(i);
-      const double elastic = displacement_by(compliance_, i);
+      const double elastic = displacement_by(compliance_, i, loaded, forces, loads);
       to.elastic_displacement[k] = elastic;
       to.free_displacement[k] = look_ahead_.free_displacement(i);
-      if (look_ahead_steps_ > 1) to.free_displacement[k] += displacement_by(look_ahead_, i) - elastic;
+      if (look_ahead_steps_ > 1) to.free_displacement[k] += displacement_by(look_ahead_, i, loaded, forces, loads) - elastic;
       to.lowest_elastic = std::min(to.lowest_elastic, elastic);
       to.lowest_free = std::min(to.lowest_free, to.free_displacement[k]);
     }
@@ -211,14 +220,12 @@ class LinearBodySolver {
   [[nodiscard]] double tangent_ratio(const LinearLocalModel& to, const std::int32_t* loaded, const double* forces, int loads) {
     std::array<double, static_cast<std::size_t>(TipContact<Model>::capacity)> more{};
     for (std::size_t c = 0; c < static_cast<std::size_t>(loads); ++c) more[c] = (1.0 + force_step) * forces[c];
-    look_ahead_.take_state(model_);
-    for (int k = 1; k < look_ahead_steps_; ++k) look_ahead_.advance(loaded, more.data(), loads);
+    step_look_ahead(loaded, more.data(), loads);
     double work = 0.0, linear_work = 0.0;
     for (std::size_t c = 0; c < static_cast<std::size_t>(loads); ++c) {
       const auto k = static_cast<std::size_t>(loaded[c]);
-      double displacement = look_ahead_.free_displacement(loaded[c]);
-      for (std::size_t d = 0; d < static_cast<std::size_t>(loads); ++d)
-        displacement += look_ahead_.compliance(loaded[c], loaded[d]) * more[d];
+      const double displacement =
+          look_ahead_.free_displacement(loaded[c]) + displacement_by(look_ahead_, loaded[c], loaded, more.data(), loads);
       work += forces[c] * (displacement - to.free_displacement[k] - to.elastic_displacement[k]);
       linear_work += forces[c] * force_step * to.elastic_displacement[k];
     }

@@ -162,13 +162,18 @@ BODY = {"object": {"body": {"kind": "compliance"}}}
     [
         (contact((0, 17), (60, 75)), BODY, {}),
         (contact(), {"object": {"body": {"kind": "modal"}}, "run": {"record_every": 1}}, {}),
+        (
+            contact((0, 9)),
+            {"object": {"body": {"kind": "viscoelastic", "contact": "signed_distance"}}, "run": {"record_every": 1}},
+            {},
+        ),
         (contact((0, 1), (290, 300)), {"object": {"body": {"kind": "mass_spring"}}, "run": {"record_every": 3}}, {}),
         (contact((0, 5), (N - 102, N - 101)), {"object": {"body": {}}, "run": {"record_every": 2}}, {}),
         (contact((0, 9), (100, 102)), {"object": {"body": {"kind": "viscoelastic"}}}, {"contact_lost": None, **MOVING}),
         (contact((0, 30), (N - 101, N - 100)), {}, {"tool": np.cumsum(np.full((N, 3), 3e-5), axis=0)}),
         (contact((0, 30)), {}, {"tool": np.cumsum(np.full((N, 3), 1.9e-5), axis=0), "scale": 1e-6}),
     ],
-    ids=range(7),
+    ids=range(8),
 )
 def test_a_palpation_is_summed_sample_by_sample(
     touching: np.ndarray, scenario: dict[str, Any], more: dict[str, Any], monkeypatch: pytest.MonkeyPatch
@@ -187,11 +192,12 @@ def test_a_palpation_is_summed_sample_by_sample(
         *expected, "mesh_error", "over_fixed", "final_tip_forces", "tip_depth", "final_tip_depth",
     }  # fmt: skip
     assert found.over_fixed is True
-    kind = scenario.get("object", {}).get("body", {}).get("kind", "compliance")
+    choice = scenario.get("object", {}).get("body", {})
+    kind, by_distance = choice.get("kind", "compliance"), choice.get("contact") == "signed_distance"
     known = kind in ("compliance", "viscoelastic", "modal", "signed_distance")
     first = max(int(np.flatnonzero(touching)[0]) - 1, 0)
     deepest = first + int(np.argmax(np.linalg.norm(trace["deflection"][first:], axis=1)))
-    assert found.mesh_error == (force_error(found.nodes, signed_distance=False) if known else None)
+    assert found.mesh_error == (force_error(found.nodes, signed_distance=by_distance) if known else None)
     rows = asked.pop()
     assert asked == ([deepest] if known else [])
     held = np.flatnonzero(touching)

@@ -198,7 +198,7 @@ def _mesh_error(trace: Trace, row: int, nodes: int) -> float | None:
         return None
     if not resolves_tip(trace, row):
         return None
-    return force_error(nodes, signed_distance=kind == "signed_distance")
+    return force_error(nodes, signed_distance="signed_distance" in (kind, choice.get("contact")))
 
 
 def work_so_far(trace: Trace) -> Array:

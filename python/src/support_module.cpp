@@ -64,7 +64,7 @@ void require(bool possible) {
 }  // namespace
 
 void bind_supports(nb::module_& m) {
-  nb::class_<SupportedCore, BodyInLoop>(m, "SupportedBody", "A static linear body whose supports and touched nodes change.")
+  nb::class_<SupportedCore, BodyInLoop>(m, "SupportedBody", "A linear body without inertia, whose supports and touched nodes change.")
       .def(
           "__init__",
           [](SupportedCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
@@ -83,7 +83,8 @@ void bind_supports(nb::module_& m) {
           [](SupportedCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
              const std::vector<std::int64_t>& steps, const Roles& roles, const Points& vertices, const IndexRows<3>& triangles,
              const Indices& node, const Numbers& modulus, double poisson, double sideways, int lanes,
-             const std::optional<Points>& contact_points, double mu_static, double mu_dynamic) {
+             const std::optional<Points>& contact_points, double mu_static, double mu_dynamic, double period, double instantaneous_ratio,
+             double retardation_time) {
             if (modulus.shape(0) != at.shape(0) ||
                 (contact_points && contact_points->shape(0) > palpate::deformable::SignedDistanceContact::max_tips))
               throw nb::value_error("the sizes of the body's arrays do not match");
@@ -92,6 +93,9 @@ void bind_supports(nb::module_& m) {
             const palpate::object::SignedDistanceOptions options{
                 .sideways = sideways,
                 .friction = {mu_static, mu_dynamic},
+                .period = period,
+                .instantaneous_ratio = instantaneous_ratio,
+                .retardation_time = retardation_time,
                 .contact_points = contact_points ? points(*contact_points) : std::vector<palpate::math::Vector3<>>(),
             };
             auto body = palpate::body::make_supported_signed_distance(condensed(at, normals, areas, compliance),
@@ -103,7 +107,8 @@ void bind_supports(nb::module_& m) {
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "steps"_a, "roles"_a, "vertices"_a, "triangles"_a, "node"_a, "modulus"_a,
           "poisson"_a, "sideways"_a = 1.0, "lanes"_a = 0, "contact_points"_a = nb::none(), "static_friction"_a = 0.0,
-          "dynamic_friction"_a = 0.0, "The same with contact by signed distance.")
+          "dynamic_friction"_a = 0.0, "period"_a = 1e-3, "instantaneous_ratio"_a = 1.0, "retardation_time"_a = 1.0,
+          "The same with contact by signed distance; a standard linear solid if `instantaneous_ratio` exceeds 1.")
       .def(
           "simulate_path",
           [](SupportedCore& self, const Points& centers, const Points& outward, double radius, bool flat,
@@ -143,6 +148,8 @@ void bind_supports(nb::module_& m) {
             require(self.body->change_supports(support_nodes(role.data(), role.shape(0))));
           },
           "role"_a, "Change the roles of the nodes at the next step: 0: deforms only, 1: touched, 2: held.")
+      .def_prop_ro(
+          "has_memory", [](const SupportedCore& self) { return self.body->has_memory(); }, "Whether the body creeps.")
       .def_prop_ro(
           "changes", [](const SupportedCore& self) { return self.body->changes(); }, "Number of changes since the body was at rest.")
       .def("reset", [](SupportedCore& self) { self.body->reset(); });

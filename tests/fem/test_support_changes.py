@@ -12,11 +12,13 @@ from palpate.fem import Body, BodyError, SupportChange
 from skfem.helpers import ddot, sym_grad, trace
 
 LEFT, RIGHT = "x < 11 mm", "x > 29 mm"
-KINDS = ("compliance", "signed_distance")
+ELASTIC = ("compliance", "signed_distance")
 PERIOD, RADIUS = "1 ms", 8e-3
 
 
 def of_kind(body: Body, kind: str) -> Body:
+    if kind == "viscoelastic":
+        return body.viscoelastic(PERIOD, instantaneous_ratio=2.5, retardation_time="40 ms", contact="signed_distance")
     return body.signed_distance() if kind == "signed_distance" else body
 
 
@@ -45,7 +47,7 @@ def coarse() -> Body:
     return built(["z < 0.1 mm"], order=1)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*ELASTIC, "viscoelastic"])
 def test_a_grasp_at_rest_gives_the_body_held_from_the_start(body: Body, kind: str) -> None:
     changing = of_kind(body, kind).with_support_changes([{"at": "10 ms", "held": LEFT}], PERIOD)
     held = of_kind(body, kind).held(LEFT)
@@ -138,7 +140,7 @@ def test_a_grasp_of_a_deformed_body_obeys_finite_elements_with_prescribed_displa
     np.testing.assert_allclose(displacement, 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ELASTIC)
 def test_press_grasp_leave_and_release_dissipate_what_the_supports_kept(body: Body, kind: str) -> None:
     """Up to the release the work of the tip is the energy of the body; the release loses what is left."""
     side = "sphere 20 20 20 mm radius 14 mm"
@@ -161,7 +163,7 @@ def test_press_grasp_leave_and_release_dissipate_what_the_supports_kept(body: Bo
     assert work[-1] > 0.02 * largest
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ELASTIC)
 def test_a_body_is_touched_only_where_it_is_touchable(body: Body, kind: str) -> None:
     right = "x > 21 mm"
     changing = of_kind(body, kind).with_support_changes(
@@ -241,7 +243,13 @@ def test_a_tool_of_several_tips_follows_changes(body: Body) -> None:
             lambda b: b.viscoelastic("1 ms", instantaneous_ratio=2, retardation_time="1 s").with_support_changes(
                 [], PERIOD
             ),
-            "signed_distance, or compliance without friction; not viscoelastic",
+            "or compliance without friction; not viscoelastic",
+        ),
+        (
+            lambda b: b.viscoelastic(
+                "1 ms", instantaneous_ratio=2, retardation_time="1 s", contact="signed_distance"
+            ).with_support_changes([], "2 ms"),
+            "period: ticks of 0.002 s; those of the model are 0.001 s",
         ),
         (lambda b: b.with_friction(0.5).with_support_changes([], PERIOD), "without friction"),
         (lambda b: b.with_support_changes([], PERIOD).with_friction(0.5), "without friction"),

@@ -66,6 +66,20 @@ inline std::unique_ptr<SupportedBody<SignedDistancePhase>> make_rough(const std:
                                                               SignedDistancePhase::Maker(half_space().surface, options));
 }
 
+inline constexpr double moduli = 3.0, retardation = 30e-3;  // of the standard linear solid: ratio, s
+
+/// The same as a standard linear solid; ticks of 1 ms.
+inline std::unique_ptr<SupportedBody<SignedDistancePhase>> make_relaxing(const std::vector<Change>& changes, double mu = 0.0,
+                                                                         double sideways = 1.0) {
+  palpate::object::SignedDistanceOptions options;
+  options.friction = {mu, mu};
+  options.sideways = sideways;
+  options.instantaneous_ratio = moduli;
+  options.retardation_time = retardation;
+  return std::make_unique<SupportedBody<SignedDistancePhase>>(surface(), changes,
+                                                              SignedDistancePhase::Maker(half_space().surface, options));
+}
+
 template <class Phase>
 std::unique_ptr<SupportedBody<Phase>> make(std::vector<Change> changes) {
   if constexpr (std::is_same_v<Phase, NormalContactPhase>)

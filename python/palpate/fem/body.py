@@ -87,7 +87,8 @@ class Body(IndentableBody):
         """Return the same body with supports and touchable nodes that change at times after rest.
 
         Held nodes stay where they are when they are grasped. A grasp changes neither force nor energy; after a release
-        the body is in its new equilibrium at once, and the energy of the constraint is lost. A node that becomes
+        an elastic body is in its new equilibrium at once, `viscoelastic` creeps there, and the energy of the constraint
+        is lost. A node that becomes
         touchable while the tip overlaps it is touched once the tip has been clear of it. See
         docs/theory/deformable-models.md. `simulate_path` and a servo loop follow the changes; `indent` gives the force
         before the first one.
@@ -96,22 +97,28 @@ class Body(IndentableBody):
             changes: in the order of time, each with `at` (s or text), and regions `held`, `touchable` or both
                 (`SupportChange`). An empty list: a body whose supports `palpate.Loop` may change. None: the body as it
                 was built.
-            period: of a tick, s or text. A change is that of the first tick at or after its time.
+            period: of a tick, s or text; that of the model if it has one. A change is that of the first tick at or
+                after its time.
 
         Raises:
-            BodyError: the model is not the compliance without friction or a static one by signed distance; the times do
-                not increase, a region contains no contact node, no node can be touched, or the compliance of the held
-                nodes is singular.
+            BodyError: the model has inertia, or friction or creep without contact by signed distance. The times do not
+                increase, or the period is not that of the model. A region contains no contact node, no node can be
+                touched, or the compliance of the held nodes is singular.
         """
         if changes is None:
             return self._rebuild_bare(self.contents, self.kind.friction)
         if isinstance(changes, str | Mapping) or not isinstance(changes, Sequence):
             raise BodyError(f"supports: a list of changes is needed, not {changes!r}")
         plan = SupportPlan(tuple(SupportChange.of(change) for change in changes), tick_period(period))
-        if self.kind.name != "signed_distance" and (self.kind.name != COMPLIANCE.name or self.kind.friction[0] > 0.0):
+        if self.kind.name == "viscoelastic" and self.kind.options["period"] != plan.period:
             raise BodyError(
-                "supports: supports that change at run time need a static body: signed_distance, or compliance "
-                f"without friction; not {self.kind}"
+                f"period: ticks of {plan.period:g} s; those of the model are {self.kind.options['period']:g} s"
+            )
+        smooth = self.kind.name == COMPLIANCE.name and self.kind.friction[0] == 0.0
+        if not smooth and not (self.kind.by_distance and self.kind.name != "modal"):
+            raise BodyError(
+                "supports: supports that change at run time need a body without inertia: signed_distance, viscoelastic "
+                f'with contact="signed_distance", or compliance without friction; not {self.kind}'
             )
         body = type(self)(self.contents, self.kind._replace(supports=plan))
         body.core = body._supported_core()

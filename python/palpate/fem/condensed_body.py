@@ -283,8 +283,11 @@ class CondensedBody:
         assert plan is not None
         roles = np.ascontiguousarray(plan.roles(self.nodes))
         arguments: dict[str, Any] = {}
-        if self.kind.name == "signed_distance":
-            names = ("vertices", "triangles", "node", "modulus", "poisson", "sideways", "contact_points")
+        if self.kind.by_distance:
+            names = (
+                *("vertices", "triangles", "node", "modulus", "poisson", "sideways", "contact_points"),
+                *("period", "instantaneous_ratio", "retardation_time"),
+            )
             data = self._signed_distance_arguments()
             arguments = {name: data[name] for name in names if name in data}
             arguments["static_friction"], arguments["dynamic_friction"] = self.kind.friction

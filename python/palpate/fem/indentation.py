@@ -138,9 +138,9 @@ class IndentableBody(CondensedBody):
         """
         if self.kind.supports is not None:
             static = type(self)(self.contents, self.kind._replace(supports=None))
-            if self.kind.name == "signed_distance":
+            if self.kind.by_distance:
                 static.core = static._signed_distance_core()
-            return static
+            return static._static_body() or static
         if isinstance(self.core, _core.MultirateBody):
             options = {name: value for name, value in self.kind.options.items() if name != "update_interval"}
             elastic = type(self)(self.contents, COMPLIANCE._replace(friction=self.kind.friction))
@@ -285,7 +285,7 @@ class IndentableBody(CondensedBody):
             outward = area_vectors(self.surface.vertices, self.surface.triangles[self.surface.nearest(centers)[1]])
         axes = np.empty((0, 3)) if outward is None else directions(outward, centers.shape)
         rows = self.core.simulate_path(centers, axes, size, tip == "flat")
-        if "signed_distance" in (self.kind.name, self.kind.options.get("contact")):
+        if self.kind.by_distance:
             _warn_of_unsolved(rows)
         if isinstance(self.core, _core.HyperelasticBody):
             check_found(rows[:, SOLVED])

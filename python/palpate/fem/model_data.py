@@ -35,7 +35,7 @@ def model_data(body: Body) -> ModelData:
     if isinstance(body.core, _core.SignedDistanceBody):
         return _signed_distance_data(body)
     points, normals, areas, compliance = body._arrays()
-    if body.kind.supports is not None and body.kind.name == "signed_distance":
+    if body.kind.supports is not None and body.kind.by_distance:
         bare = _signed_distance_data(body)
         return bare._replace(arrays=bare.arrays | _support_arrays(body))
     options: dict[str, float | str] = {key: float(x) for key, x in body.kind.options.items() if not isinstance(x, str)}

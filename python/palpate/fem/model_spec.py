@@ -32,6 +32,11 @@ class ModelSpec(NamedTuple):
     contact_points: tuple[tuple[float, ...], ...] = ()  # of a tool, see `Body.with_contact_points`
     supports: SupportPlan | None = None  # see `Body.with_support_changes`
 
+    @property
+    def by_distance(self) -> bool:
+        """Whether the contact is by signed distance."""
+        return "signed_distance" in (self.name, self.options.get("contact"))
+
     def __str__(self) -> str:
         elastic = self.options.get("instantaneous_ratio") == 1.0
         unused = {"instantaneous_ratio", "retardation_time"} if elastic else set()

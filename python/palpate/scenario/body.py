@@ -78,7 +78,6 @@ KINDS: Final[dict[str, dict[str, Option]]] = {
     "corotational": _SLOW,
 }
 LARGE: Final = ("neo-hookean", "corotational")  # kinds with inertia if they have a density
-STATIC: Final = ("compliance", "signed_distance")  # kinds whose supports may change at run time
 WITH_CONTACT: Final = ("modal", "viscoelastic")  # kinds whose contact is a choice
 ContactLaw = Literal["node_normals", "signed_distance"]
 # shape: its keys, with an example of a required one
@@ -279,15 +278,20 @@ class BodyChoice(Section):
         return self
 
     def _check_supports(self, changes: tuple[SupportChoice, ...]) -> None:
-        if self.kind not in STATIC:
+        for_all = "held holds nodes of any kind over the whole run"
+        if self.kind == "viscoelastic" and self.contact != "signed_distance":
             raise ValueError(
-                f"supports: supports that change at run time need a body of the kind {' or '.join(STATIC)}; held holds "
-                "nodes of any kind over the whole run"
+                "supports: supports that change at run time need the contact by signed distance; write "
+                f'contact = "signed_distance"; {for_all}'
+            )
+        if self.kind not in ("compliance", "signed_distance", "viscoelastic"):
+            raise ValueError(
+                "supports: supports that change at run time need a body without inertia, of the kind compliance, "
+                f"signed_distance or viscoelastic; {for_all}"
             )
         if self.kind == "compliance" and self.options.get("static_friction", 0.0) > 0.0:
             raise ValueError(
-                'supports: with friction, supports that change at run time need kind = "signed_distance"; held holds '
-                "nodes of any kind over the whole run"
+                f'supports: with friction, supports that change at run time need kind = "signed_distance"; {for_all}'
             )
         for before, change in pairwise(changes):
             if change.at <= before.at:

@@ -10,6 +10,7 @@
 #include "palpate/deformable/contact/patch_points.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/deformable/contact/tip_contact.hpp"
+#include "palpate/deformable/linear/creep_motion.hpp"
 #include "palpate/deformable/linear/support_field.hpp"
 #include "palpate/deformable/linear/support_offset.hpp"
 #include "palpate/deformable/linear/support_phase.hpp"
@@ -61,9 +62,14 @@ class NormalContactPhase {
   [[nodiscard]] int contact_count() const noexcept { return contact_.last().nodes; }
   [[nodiscard]] std::int32_t contact_node(int k) const noexcept { return contact_.contact_nodes()[k]; }
   [[nodiscard]] Vector3<> node_force(int k) const noexcept { return -contact_.forces()[k] * data_->nodes.normal(contact_node(k)); }
-  [[nodiscard]] Vector3<> node_load(int k) const noexcept { return node_force(k); }
+  /// Append the loads of the tip on the body.
+  void append_loads(std::vector<deformable::NodeLoad>& loads) const noexcept {
+    for (int k = 0; k < contact_count(); ++k)
+      loads.push_back({.node = phase().touched()[static_cast<std::size_t>(contact_node(k))], .force = node_force(k)});
+  }
   [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept { return contact_.outward(tip); }
   void reset() noexcept { contact_.reset(); }
+  [[nodiscard]] bool has_memory() const noexcept { return false; }
   [[nodiscard]] int tool_tips() const noexcept { return 0; }
   void place_tool(const Vector3<>* /*centers*/) noexcept {}
   [[nodiscard]] Vector3<> tool_force(int /*tip*/) const noexcept { return Vector3<>::Zero(); }
@@ -79,7 +85,7 @@ class NormalContactPhase {
   deformable::TipContact<deformable::SupportedCompliance> contact_;
 };
 
-/// Contact of a static body by signed distance between two changes of its supports; see SupportedBody.
+/// Contact by signed distance of a static body or a standard linear solid between two changes of its supports; see SupportedBody.
 class SignedDistancePhase final : public SignedDistanceBody {
  public:
   struct Data {
@@ -87,7 +93,7 @@ class SignedDistancePhase final : public SignedDistanceBody {
     std::shared_ptr<const deformable::SupportPhase> phase;
   };
 
-  /// The data of every phase of a body, from its whole contact surface. Without memory.
+  /// The data of every phase of a body, from its whole contact surface. Without inertia.
   class Maker {
    public:
     Maker(deformable::ContactSurface surface, SignedDistanceOptions options) : surface_(std::move(surface)), options_(std::move(options)) {
@@ -112,15 +118,27 @@ class SignedDistancePhase final : public SignedDistanceBody {
   };
 
   explicit SignedDistancePhase(std::shared_ptr<const Data> data)
-      : SignedDistanceBody(data->body), phase_data_(std::move(data)), offset_(nodes(), phase_data_->phase, sideways()) {
+      : SignedDistanceBody(data->body),
+        phase_data_(std::move(data)),
+        offset_(nodes(), phase_data_->phase, sideways(), phase_data_->body->patches.creep),
+        creep_(static_cast<deformable::CreepMotion*>(contact_of_tips().motion())) {
     contact_of_tips().set_offset(&offset_);
+    if (creep_ != nullptr) creep_->set_supports(&offset_);
   }
 
   [[nodiscard]] deformable::SupportField& field() noexcept { return offset_.field(); }
   [[nodiscard]] const deformable::SupportPhase& phase() const noexcept { return *phase_data_->phase; }
   [[nodiscard]] int contact_count() const noexcept { return contact().contact_count(); }
   [[nodiscard]] std::int32_t contact_node(int k) const noexcept { return contact().contact_node(k); }
-  [[nodiscard]] Vector3<> node_load(int k) const noexcept { return offset_.counted(contact_node(k), node_force(k)); }
+
+  /// Append the loads of the tips on the body.
+  void append_loads(std::vector<deformable::NodeLoad>& loads) const noexcept {
+    const double series = 1.0 - phase_data_->body->patches.creep.delayed_ratio;
+    for (int k = 0; k < contact_count(); ++k) loads.push_back({.node = body_node(contact_node(k)), .force = series * counted_force(k)});
+    if (creep_ == nullptr) return;
+    for (const std::int32_t node : creep_->delayed().nodes())
+      loads.push_back({.node = body_node(node), .delayed = offset_.counted(node, creep_->delayed().at(node))});
+  }
 
   void take_over(const SignedDistancePhase& before) noexcept {
     const std::vector<std::int32_t>& touched = before.phase().touched();
@@ -128,11 +146,17 @@ class SignedDistancePhase final : public SignedDistanceBody {
     take_tool(before);
     contact_of_tips().take_over(before.contact(),
                                 [&](std::int32_t node) { return phase().local(touched[static_cast<std::size_t>(node)]); });
+    if (creep_ != nullptr)
+      creep_->set_state_work(before.creep_->state_work() + before.offset_.field().delayed_work() - offset_.field().delayed_work());
   }
 
  private:
+  [[nodiscard]] std::int32_t body_node(std::int32_t node) const noexcept { return phase().touched()[static_cast<std::size_t>(node)]; }
+  [[nodiscard]] Vector3<> counted_force(int k) const noexcept { return offset_.counted(contact_node(k), node_force(k)); }
+
   std::shared_ptr<const Data> phase_data_;
   deformable::SupportOffset offset_;
+  deformable::CreepMotion* creep_;  // memory of the contact's body; null: static
 };
 
 }  // namespace palpate::object

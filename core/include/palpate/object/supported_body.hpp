@@ -36,6 +36,9 @@ class BodyWithSupports : public DeformableObject {
   /// Number of contact nodes of the last step.
   [[nodiscard]] virtual int contact_count() const noexcept = 0;
 
+  /// Whether the force depends on more than the present tip, friction and supports: the body creeps.
+  [[nodiscard]] virtual bool has_memory() const noexcept = 0;
+
   /// Number of nodes of the body.
   [[nodiscard]] virtual std::size_t size() const noexcept = 0;
 
@@ -47,15 +50,15 @@ class BodyWithSupports : public DeformableObject {
   [[nodiscard]] BodyWithSupports* with_supports() noexcept final { return this; }
 };
 
-/// A static linear body whose supports change at steps that are known, and on request. Friction continues over a change.
+/// A linear body without inertia, whose supports change at steps that are known, and on request. Friction and creep continue over a change.
 ///
 /// Held nodes stay where they are when they are grasped, so a grasp at a displacement displaces the body until it is released
-/// (SupportField). A grasp changes neither displacement nor energy. After a release the body is in its new equilibrium at once; the energy
-/// of the constraint is dissipated. A node that becomes touched while the tip overlaps it is touched once the tip has been clear of it. So
-/// no change supplies energy. The supports do not move, so they do no work.
+/// (SupportField). A grasp changes neither displacement nor energy. After a release an elastic body is in its new equilibrium at once, and
+/// a standard linear solid creeps there; the energy of the constraint is dissipated. A node that becomes touched while the tip overlaps it
+/// is touched once the tip has been clear of it. So no change supplies energy. The supports do not move, so they do no work.
 ///
 /// A step that changes the supports does not allocate. It computes their forces, in a time in proportion to the held nodes times those in
-/// contact or held before.
+/// contact or held before or with a delayed force.
 template <class Phase>
 class SupportedBody final : public BodyWithSupports {
  public:
@@ -129,13 +132,13 @@ class SupportedBody final : public BodyWithSupports {
   }
 
   [[nodiscard]] std::int64_t changes() const noexcept override { return changes_; }
+  [[nodiscard]] bool has_memory() const noexcept override { return current_->has_memory(); }
   [[nodiscard]] std::size_t size() const noexcept override { return plan_->surface->size(); }
 
   void displacement(double* out) noexcept override {
-    const int count = gather(*current_);
-    current_->field().react(loads_.data(), count);
+    gather(*current_);
     for (std::size_t i = 0; i < size(); ++i)
-      Eigen::Map<Vector3<>>{out + 3 * i} = current_->field().displacement_under(static_cast<std::int32_t>(i), loads_.data(), count);
+      Eigen::Map<Vector3<>>{out + 3 * i} = current_->field().displacement_under(static_cast<std::int32_t>(i), loads_);
   }
 
  private:
@@ -153,21 +156,20 @@ class SupportedBody final : public BodyWithSupports {
 
   void start() {
     for (const auto& data : plan_->phases) scheduled_.push_back(std::make_unique<Phase>(data));
+    loads_.reserve(capacity + 3 * size());  // contact; delayed forces of this phase and of those before; supports
     reset();
   }
 
-  /// List the loads of a phase's contact by the nodes of the body. Return their number.
-  int gather(const Phase& phase) noexcept {
-    const int count = std::min(phase.contact_count(), static_cast<int>(capacity));
-    const std::vector<std::int32_t>& touched = phase.phase().touched();
-    for (int k = 0; k < count; ++k)
-      loads_[static_cast<std::size_t>(k)] = {touched[static_cast<std::size_t>(phase.contact_node(k))], phase.node_load(k)};
-    return count;
+  /// List the loads of a phase, supports included, by the nodes of the body.
+  void gather(Phase& phase) noexcept {
+    loads_.clear();
+    phase.append_loads(loads_);
+    phase.field().append(loads_);
   }
   void change_to(Phase& next) noexcept {
-    const int count = gather(*current_);
+    gather(*current_);
     next.reset();
-    next.field().grasp(current_->field(), loads_.data(), count);
+    next.field().grasp(loads_);
     next.take_over(*current_);
     current_ = &next;
     ++changes_;
@@ -182,7 +184,7 @@ class SupportedBody final : public BodyWithSupports {
   std::int64_t step_ = 0, changes_ = 0;
   LatestValue<std::unique_ptr<Phase>> requested_;
   std::array<std::int32_t, capacity> contact_nodes_{};
-  std::array<deformable::NodeLoad, capacity> loads_{};
+  std::vector<deformable::NodeLoad> loads_;
 };
 
 }  // namespace palpate::object

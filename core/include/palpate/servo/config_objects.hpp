@@ -356,8 +356,8 @@ template <class Phase>
     from.fail("contact_points", "are at most " + std::to_string(deformable::SignedDistanceContact::max_tips));
   if (!reader.ok()) return nullptr;
   if (from.has("support_steps")) {
-    if (!options.modes.frequencies.empty() || options.instantaneous_ratio > 1.0) {
-      from.fail("support_steps", "need a static body");
+    if (!options.modes.frequencies.empty()) {
+      from.fail("support_steps", "need a body without inertia");
       return nullptr;
     }
     return read_supported<object::SignedDistancePhase>(reader, from, std::move(condensed),

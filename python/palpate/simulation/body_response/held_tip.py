@@ -121,9 +121,9 @@ class HeldTip:
     @property
     def memoryless(self) -> bool:
         """Whether the force depends on the position of the tip alone, from where it is held on."""
-        if isinstance(self.core, _core.SignedDistanceBody):
+        if isinstance(self.core, _core.SignedDistanceBody | _core.SupportedBody):
             return not self.core.has_memory
-        return isinstance(self.core, _core.ComplianceBody | _core.SupportedBody)
+        return isinstance(self.core, _core.ComplianceBody)
 
     def move(self, displacements: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return the force on the body (m, 3), N, and the number of nodes, as the tip moves about where it is held.

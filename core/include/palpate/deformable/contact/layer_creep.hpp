@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -45,6 +46,20 @@ class LayerCreep {
   void begin_period() noexcept { ++now_; }
   /// Mark a node's state as that of this period's end.
   void mark(std::int32_t node) noexcept { time_[static_cast<std::size_t>(node)] = now_; }
+
+  /// Continue the layer `before` of the same body's points `points_before`; `node_after(i)` is the node i of `before`, or -1.
+  template <class NodeAfter>
+  void take_over(const LayerCreep& before, const PatchPoints& points, const PatchPoints& points_before, NodeAfter node_after) noexcept {
+    if (!active()) return;
+    now_ = before.now_;
+    for (std::int32_t i = 0; i < points_before.size(); ++i) {
+      const std::int32_t node = node_after(i);
+      if (node < 0) continue;
+      const float* from = before.state();
+      std::copy(from + points_before.begin(i), from + points_before.end(i), state() + points.begin(node));
+      time_[static_cast<std::size_t>(node)] = before.time_[static_cast<std::size_t>(i)];
+    }
+  }
 
   void reset() noexcept {
     state_.assign(state_.size(), detail::FloatLine());

@@ -308,7 +308,7 @@ class NearNodes {
 
   /// Position of a node without a tip, m.
   [[nodiscard]] Vector3<> free_point(std::int32_t node) const noexcept {
-    return offset_ != nullptr && offset_->active() ? Vector3<>(nodes_->point(node) + offset_->displacement(node)) : nodes_->point(node);
+    return offset_ != nullptr && offset_->active() ? Vector3<>(nodes_->point(node) + offset_->present(node)) : nodes_->point(node);
   }
 
   [[nodiscard]] static double ahead(const Tip& tip) noexcept { return margin * tip.shape.radius; }
@@ -359,7 +359,7 @@ class NearNodes {
     place(count_).tip = tip;
     place(count_).barred = bars_;
     if (motion_ != nullptr) place(count_).free = motion_->free_displacement(node);
-    if (offset_ != nullptr && offset_->active()) place(count_).free = offset_->displacement(node);
+    if (offset_ != nullptr && offset_->active()) place(count_).free += offset_->displacement(node);
     node_[at(count_)] = node;
     forces_.set(count_, Vector3<>::Zero());
     ++count_;

@@ -81,7 +81,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   /// Advance by one period with all tips. Does not allocate. Return the result of the first one.
   const ContactResult& step(const PlacedTip* tips) noexcept {
     bool jump = !started_ || taken_over_;
-    if (offset_ != nullptr) offset_->advance();
+    if (offset_ != nullptr) offset_->look_on();
     for (int t = 0; t < near_.tip_count(); ++t) jump = place_tip(t, tips[t]) || jump;
     const bool solved = near_.update(taken_over_);
     for (LayerCreep& layer : layers_) layer.begin_period();
@@ -112,7 +112,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     results_.fill({});
   }
 
-  /// Let the supports displace the body by `offset`, which must outlive the contact. For a static body.
+  /// Let the supports displace the body by `offset`, which must outlive the contact. For a body without inertia.
   void set_offset(SupportOffset* offset) noexcept {
     offset_ = offset;
     near_.set_offset(offset);
@@ -125,10 +125,18 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   void take_over(const SignedDistanceContact& before, NodeAfter node_after) noexcept {
     near_.take_over(before.near_, node_after);
     friction_.take_over(before.friction_);
+    for (std::size_t k = 0; k < layers_.size(); ++k) {
+      const auto points = k == 0 ? &ContactPatches::round : &ContactPatches::flat;
+      layers_[k].take_over(before.layers_[k], patches_->*points, before.patches_->*points, node_after);
+    }
     placed_ = before.placed_;
     started_ = before.started_;
     taken_over_ = true;
   }
+
+  /// Memory of the body, or null.
+  [[nodiscard]] BodyMotion* motion() noexcept { return motion_.get(); }
+  [[nodiscard]] const BodyMotion* motion() const noexcept { return motion_.get(); }
 
   [[nodiscard]] const ContactResult& last(int tip = 0) const noexcept { return results_[at(tip)]; }
   [[nodiscard]] int tip_count() const noexcept { return near_.tip_count(); }
@@ -316,7 +324,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
   [[nodiscard]] double height_over(std::int32_t node, const NearNodes::Tip& tip) const noexcept {
     Vector3<> away = tip.center - nodes_->point(node);
-    if (offset_ != nullptr && offset_->active()) away -= offset_->displacement(node);
+    if (offset_ != nullptr && offset_->active()) away -= offset_->present(node);
     return away.dot(nodes_->normal(node));
   }
 
@@ -359,26 +367,27 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
   /// Record the state of friction and body at the end of the tick.
   void finish_tick() noexcept {
-    const double held = offset_ != nullptr ? offset_->energy() : 0.0;
     last_energy_ = tick_energy_;
-    stored_energy_ = tick_energy_ + held;
+    stored_energy_ = tick_energy_ + held_energy();
     if (!friction_ && !motion_) return;
-    double layers = held;
+    double layers = 0.0;
     BodyMotion::Period period{.nodes = load_node_.data(), .forces = loads_.data()};
     for (int k = 0; k < near_.engaged(); ++k) {
       move_node(k);
       Place& p = near_.place(k);
       const Vector3<> force = node_force(k);
       period.compliance_work += force.dot(p.displacement - p.free);
-      period.free_work += force.dot(p.free);
+      period.free_work += force.dot(p.free - held_at(p.node));
       settle_layer(p);
       layers += p.layer_energy + friction_.energy(p);
     }
     if (friction_) friction_.finish(near_);
-    stored_energy_ = layers + 0.5 * period.compliance_work;
+    stored_energy_ = layers + 0.5 * period.compliance_work + held_energy();
     if (!motion_) return;
     period.count = gather_loads();
     stored_energy_ = layers + motion_->advance(period);
+    if (offset_ != nullptr) offset_->end_period();
+    stored_energy_ += held_energy();
     ++tick_;
     for (int k = 0; k < near_.count(); ++k) {
       Place& p = near_.place(k);
@@ -386,11 +395,17 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       const Vector3<> by_forces = k < near_.engaged() ? p.displacement - p.free
                                   : motion_->costly() ? Vector3<>(Vector3<>::Zero())
                                                       : near_.displacement(k);
-      const Vector3<> next = motion_->next_free(p.node, p.free, by_forces);
+      const Vector3<> held = held_at(p.node), next = held + motion_->next_free(p.node, p.free - held, by_forces);
       p.free_change = next - p.free;
       p.free = next;
     }
   }
+
+  /// Displacement of a node by the supports, m, and the energy of the body that they hold, J.
+  [[nodiscard]] Vector3<> held_at(std::int32_t node) const noexcept {
+    return offset_ != nullptr ? offset_->displacement(node) : Vector3<>(Vector3<>::Zero());
+  }
+  [[nodiscard]] double held_energy() const noexcept { return offset_ != nullptr ? offset_->energy() : 0.0; }
 
   /// List the forces of all tips by node. Return their number.
   int gather_loads() noexcept {

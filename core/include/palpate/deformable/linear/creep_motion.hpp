@@ -11,6 +11,7 @@
 #include "palpate/deformable/linear/body_motion.hpp"
 #include "palpate/deformable/linear/creep.hpp"
 #include "palpate/deformable/linear/full_compliance.hpp"
+#include "palpate/deformable/linear/support_offset.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
@@ -78,6 +79,7 @@ class DelayedForces {
 
 /// Memory of a massless body of a standard linear solid, in all directions. With the long-term compliance S:
 ///   free displacement = decay S q,   energy = (1 - delayed_ratio) f.S f / 2 + q.S q / (2 delayed_ratio).
+/// Where supports have changed, q includes the delayed forces of the time before (SupportField).
 class CreepMotion final : public BodyMotion {
  public:
   /// `compliance` is that of the period [m/N], S times the law's period_ratio; its blocks are shared.
@@ -94,7 +96,9 @@ class CreepMotion final : public BodyMotion {
         for (int b = 0; b < 3; ++b) sum[a] += static_cast<double>(block[3 * a + b]) * q[b];
     }
     const Creep& c = delayed_.creep();
-    return (c.decay / c.period_ratio) * sum;
+    sum *= c.decay / c.period_ratio;
+    if (before_ != nullptr) sum += c.decay * before_->delayed_displacement(node);
+    return sum;
   }
 
   [[nodiscard]] Vector3<> next_free(std::int32_t /*node*/, const Vector3<>& free, const Vector3<>& by_forces) const noexcept override {
@@ -107,7 +111,7 @@ class CreepMotion final : public BodyMotion {
     const double force_work = period.compliance_work / c.period_ratio;
     state_work_ = c.decay * c.decay * state_work_ + c.gain * (2.0 * period.free_work + c.gain * force_work);
     delayed_.advance(period);
-    if (delayed_.nodes().empty()) state_work_ = 0.0;
+    if (delayed_.nodes().empty() && (before_ == nullptr || !before_->field().remembers())) state_work_ = 0.0;
     return c.energy(force_work, std::max(state_work_, 0.0));
   }
 
@@ -118,13 +122,22 @@ class CreepMotion final : public BodyMotion {
 
   [[nodiscard]] std::unique_ptr<BodyMotion> clone_at_rest() const override {
     auto copy = std::make_unique<CreepMotion>(*this);
+    copy->before_ = nullptr;
     copy->reset();
     return copy;
   }
 
+  /// Let the supports' field hold the delayed forces of the time before their last change; it must outlive the motion.
+  void set_supports(SupportOffset* supports) noexcept { before_ = supports; }
+  [[nodiscard]] const DelayedForces& delayed() const noexcept { return delayed_; }
+  /// q.S q with all delayed forces, N m.
+  [[nodiscard]] double state_work() const noexcept { return state_work_; }
+  void set_state_work(double value) noexcept { state_work_ = value; }
+
  private:
   FullCompliance compliance_;
   DelayedForces delayed_;
+  SupportOffset* before_ = nullptr;
   double state_work_ = 0.0;  // q.S q, N m
 };
 

@@ -1,105 +1,201 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <utility>
 #include <vector>
 
+#include "palpate/deformable/linear/creep.hpp"
 #include "palpate/deformable/linear/support_phase.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
 
-/// Force on a contact node of a condensed body.
+/// Load on a node of a condensed body. Loads displace the body by its long-term compliance C under the sum of both parts.
 struct NodeLoad {
   std::int32_t node = 0;
-  Vector3<> force = Vector3<>::Zero();  ///< N
+  Vector3<> force = Vector3<>::Zero();    ///< N; on a standard linear solid over the ratio r of its moduli
+  Vector3<> delayed = Vector3<>::Zero();  ///< q, see DelayedForces, N; zero on an elastic body
+
+  [[nodiscard]] Vector3<> total() const noexcept { return force + delayed; }
 };
 
-/// Displacement of a body whose held nodes stay where they were grasped, without a tip.
+/// Displacement of a body whose held nodes stay where they were grasped, without the loads of a tip since then.
 ///
 /// The nodes s are grasped at their displacements u_s*. The forces w = C_ss^-1 u_s* alone keep them there, so the body has the displacement
-/// C_s^T w and the energy u_s* . w / 2; the forces f of a tip add C' f and f . C' f / 2, without a mixed term. A grasp at the present
+/// C_s^T w and the energy u_s* . w / 2; the loads f of a tip add C' f and f . C' f / 2, without a mixed term. A grasp at the present
 /// displacements changes neither displacement nor energy. Without a support the energy is less: it is the least one that the remaining
 /// constraints permit.
+///
+/// A standard linear solid (CreepMotion) also has the delayed forces q of the time before, which decay with the retardation time T. Those
+/// on nodes n that are not held displace it by C' q_n; those on the held nodes do not, but they remain after a release. With the ratio r of
+/// the moduli and delta = 1 - 1 / r, T q' = (r - 1) g - r q on held nodes, where the load g = w - C_ss^-1 C_sn g_n keeps their
+/// displacement. The solution is
+///   q_s = -C_ss^-1 C_sn q_n + delta w + exp(-r t / T) d,
+/// with d from the grasp. Then the energy is that of the body with the compliance C' plus
+///   u_s* . w / 2 + r / (2 delta) exp(-2 r t / T) d . C_ss d,   without mixed terms.
 class SupportField {
  public:
-  explicit SupportField(std::shared_ptr<const SupportPhase> phase)
+  /// `law` is that of a standard linear solid, or of an elastic body.
+  explicit SupportField(std::shared_ptr<const SupportPhase> phase, const Creep& law = {})
       : phase_(std::move(phase)),
+        law_(law),
+        held_decay_(law.delayed_ratio > 0.0 ? std::pow(law.decay, 1.0 / (1.0 - law.delayed_ratio)) : 0.0),
         forces_(phase_->held().size(), Vector3<>::Zero()),
-        reactions_(forces_),
+        excess_(forces_),
+        delayed_shares_(forces_),
         known_(phase_->touched().size(), 0),
-        cache_(phase_->touched().size(), Vector3<>::Zero()) {}
+        held_displacement_(phase_->touched().size(), Vector3<>::Zero()),
+        delayed_displacement_(held_displacement_) {
+    if (!(law.delayed_ratio > 0.0)) return;
+    delayed_.reserve(phase_->surface()->size());
+    listed_.assign(phase_->surface()->size(), -1);
+  }
 
   [[nodiscard]] const SupportPhase& phase() const noexcept { return *phase_; }
 
-  /// Whether nodes are held elsewhere than at rest; otherwise the displacement is zero.
+  /// Whether the body is displaced without a tip.
   [[nodiscard]] bool active() const noexcept { return active_; }
-  /// Energy of the body without a tip, J.
-  [[nodiscard]] double energy() const noexcept { return energy_; }
-
-  /// Displacement of a touched node, by its index among them, m. Computed when first asked for.
-  [[nodiscard]] const Vector3<>& displacement(std::int32_t local) noexcept {
-    const std::size_t i = at(local);
-    if (active_ && known_[i] != version_) {
-      cache_[i] = of_supports(phase_->touched()[i], forces_);
-      known_[i] = version_;
-    }
-    return cache_[i];
+  /// Whether delayed forces of the time before displace the body.
+  [[nodiscard]] bool remembers() const noexcept { return !delayed_.empty(); }
+  /// Energy of the body without a tip, J; less that of `delayed` loads, which CreepMotion counts.
+  [[nodiscard]] double energy() const noexcept {
+    if (!(law_.delayed_ratio > 0.0)) return 0.5 * held_work_;
+    return 0.5 * held_work_ + 0.5 * excess_left_ * excess_left_ * excess_work_ / (law_.delayed_ratio * (1.0 - law_.delayed_ratio));
   }
 
-  /// Hold the nodes where a body is under `count` loads of a tip and the supports of `before`. Does not allocate. Takes a time in
-  /// proportion to the held nodes times the loads, which include the supports before.
-  void grasp(SupportField& before, const NodeLoad* loads, int count) noexcept {
+  /// Displacement of a touched node by the supports, by its index among them, m. Computed when first asked for.
+  [[nodiscard]] const Vector3<>& displacement(std::int32_t local) noexcept { return held_displacement_[known(local)]; }
+  /// Displacement of a touched node by the delayed forces of the time before, m.
+  [[nodiscard]] Vector3<> delayed_displacement(std::int32_t local) noexcept { return delayed_left_ * delayed_displacement_[known(local)]; }
+
+  /// Hold the nodes where the body is under all its loads, those of supports included (see append()). Does not allocate. Takes a time in
+  /// proportion to the held nodes times the loads.
+  void grasp(const std::vector<NodeLoad>& loads) noexcept {
     release();
-    const std::vector<std::int32_t>& old = before.phase_->held();
-    if (phase_->held().empty() || (count == 0 && !before.active_)) return;
-    before.react(loads, count);
-    for (int k = 0; k < count; ++k) add_share(loads[k], 1.0, forces_);
-    for (std::size_t h = 0; h < old.size(); ++h) add_share({old[h], before.reactions_[h]}, 1.0, forces_);
-    for (int k = 0; k < count; ++k) energy_ += 0.5 * loads[k].force.dot(of_supports(loads[k].node, forces_));
-    for (std::size_t h = 0; h < old.size(); ++h) energy_ += 0.5 * before.reactions_[h].dot(of_supports(old[h], forces_));
-    active_ = true;
+    for (const NodeLoad& load : loads) {
+      add_share(load.node, load.total(), forces_);
+      if (law_.delayed_ratio > 0.0) add_share(load.node, load.delayed, excess_);
+    }
+    double both_work = 0.0, delayed_work = 0.0;
+    for (const NodeLoad& load : loads) {
+      const Vector3<> u = of_supports(load.node, forces_);
+      held_work_ += load.total().dot(u);
+      if (!(law_.delayed_ratio > 0.0)) continue;
+      both_work += load.delayed.dot(u);
+      delayed_work += load.delayed.dot(of_supports(load.node, excess_));
+      if (phase_->held_index(load.node) < 0) remember(load.node, load.delayed);
+    }
+    for (const NodeLoad& load : delayed_) add_share(load.node, load.delayed, delayed_shares_);
+    active_ = !loads.empty() && (!forces_.empty() || remembers());
+    if (!(law_.delayed_ratio > 0.0)) return;
+    const double delta = law_.delayed_ratio;
+    for (std::size_t h = 0; h < excess_.size(); ++h) excess_[h] -= delta * forces_[h];
+    mixed_work_ = both_work - delta * held_work_;
+    excess_work_ = std::fmax(delayed_work - 2.0 * delta * both_work + delta * delta * held_work_, 0.0);
+  }
+
+  /// q_s . C_ss q_s of the held nodes' delayed forces, without the part that moves with those of the other nodes, N m.
+  [[nodiscard]] double delayed_work() const noexcept {
+    const double delta = law_.delayed_ratio;
+    return delta * delta * held_work_ + excess_left_ * (2.0 * delta * mixed_work_ + excess_left_ * excess_work_);
+  }
+
+  /// Advance the delayed forces by one period.
+  void advance() noexcept {
+    if (!(law_.delayed_ratio > 0.0) || !active_) return;
+    excess_left_ *= excess_left_ > negligible ? held_decay_ : 0.0;
+    delayed_left_ *= delayed_left_ > negligible ? law_.decay : 0.0;
+    if (delayed_left_ == 0.0) forget();
   }
 
   /// Return to the body at rest.
   void release() noexcept {
-    for (Vector3<>& force : forces_) force.setZero();
+    for (std::vector<Vector3<>>* forces : {&forces_, &excess_, &delayed_shares_})
+      for (Vector3<>& force : *forces) force.setZero();
+    forget();
     if (active_)
-      for (Vector3<>& u : cache_) u.setZero();
+      for (std::vector<Vector3<>>* displacements : {&held_displacement_, &delayed_displacement_})
+        for (Vector3<>& u : *displacements) u.setZero();
     ++version_;
     active_ = false;
-    energy_ = 0.0;
+    held_work_ = mixed_work_ = excess_work_ = 0.0;
+    delayed_left_ = excess_left_ = 1.0;
   }
 
-  /// Compute the forces of the supports under loads of a tip, r = w - C_ss^-1 C_s f.
-  void react(const NodeLoad* loads, int count) noexcept {
-    reactions_ = forces_;
-    for (int k = 0; k < count; ++k) add_share(loads[k], -1.0, reactions_);
+  /// Append the delayed forces of the time before and the forces of the supports to the loads of a tip. Does not allocate within the
+  /// capacity of `loads`.
+  void append(std::vector<NodeLoad>& loads) noexcept {
+    for (const NodeLoad& load : delayed_) loads.push_back({.node = load.node, .delayed = delayed_left_ * load.delayed});
+    const std::vector<std::int32_t>& held = phase_->held();
+    const std::size_t others = loads.size();
+    if (held.empty() || (others == 0 && !active_)) return;
+    const double delta = law_.delayed_ratio;
+    for (std::size_t h = 0; h < held.size(); ++h)
+      loads.push_back({held[h], (1.0 - delta) * forces_[h] - excess_left_ * excess_[h], delta * forces_[h] + excess_left_ * excess_[h]});
+    for (std::size_t k = 0; k < others; ++k) {
+      subtract_share(loads[k].node, loads[k].force, loads.data() + others, &NodeLoad::force);
+      if (delta > 0.0) subtract_share(loads[k].node, loads[k].delayed, loads.data() + others, &NodeLoad::delayed);
+    }
   }
 
-  /// Displacement of any node of the body under the same loads after react(), m.
-  [[nodiscard]] Vector3<> displacement_under(std::int32_t node, const NodeLoad* loads, int count) const noexcept {
-    Vector3<> u = of_supports(node, reactions_);
-    for (int k = 0; k < count; ++k) u += block(node, loads[k].node) * loads[k].force;
+  /// Displacement of any node of the body under all its loads, m.
+  [[nodiscard]] Vector3<> displacement_under(std::int32_t node, const std::vector<NodeLoad>& loads) const noexcept {
+    Vector3<> u = Vector3<>::Zero();
+    for (const NodeLoad& load : loads) u += block(node, load.node) * load.total();
     return u;
   }
 
  private:
+  static constexpr double negligible = 1e-12;
+
   [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
 
-  /// Add `sign` times C_ss^-1 C_s of a load to forces of the supports; a load on a held node is its own share.
-  void add_share(const NodeLoad& load, double sign, std::vector<Vector3<>>& forces) const noexcept {
-    if (const std::int32_t h = phase_->held_index(load.node); h >= 0) {
-      forces[at(h)] += sign * load.force;
+  /// List a delayed force of a node that is not held; several of one node are added.
+  void remember(std::int32_t node, const Vector3<>& force) noexcept {
+    std::int32_t& place = listed_[at(node)];
+    if (place < 0) {
+      place = static_cast<std::int32_t>(delayed_.size());
+      delayed_.push_back({.node = node});  // within the reserved capacity
+    }
+    delayed_[at(place)].delayed += force;
+  }
+  void forget() noexcept {
+    for (const NodeLoad& load : delayed_) listed_[at(load.node)] = -1;
+    delayed_.clear();
+  }
+
+  /// Compute the displacements of a touched node if they are not known. Return its index.
+  [[nodiscard]] std::size_t known(std::int32_t local) noexcept {
+    const std::size_t i = at(local);
+    if (!active_ || known_[i] == version_) return i;
+    const std::int32_t node = phase_->touched()[i];
+    held_displacement_[i] = of_supports(node, forces_);
+    if (remembers()) delayed_displacement_[i] = displacement_under(node, delayed_) - of_supports(node, delayed_shares_);
+    known_[i] = version_;
+    return i;
+  }
+
+  /// Add C_ss^-1 C_s of a load to forces of the supports; a load on a held node is its own share.
+  void add_share(std::int32_t node, const Vector3<>& load, std::vector<Vector3<>>& forces) const noexcept {
+    if (const std::int32_t h = phase_->held_index(node); h >= 0) {
+      forces[at(h)] += load;
       return;
     }
     for (int axis = 0; axis < 3; ++axis) {
-      const float* share = phase_->share(load.node, axis);
-      const double force = sign * load.force[axis];
+      const float* share = phase_->share(node, axis);
       double* sum = forces.data()->data();
-      for (std::size_t r = 0; r < 3 * forces.size(); ++r) sum[r] += force * static_cast<double>(share[r]);
+      for (std::size_t r = 0; r < 3 * forces.size(); ++r) sum[r] += load[axis] * static_cast<double>(share[r]);
+    }
+  }
+  /// Subtract the same of a load on a node that is not held from a part of the supports' loads.
+  void subtract_share(std::int32_t node, const Vector3<>& load, NodeLoad* supports, Vector3<> NodeLoad::*part) const noexcept {
+    for (int axis = 0; axis < 3; ++axis) {
+      const float* share = phase_->share(node, axis);
+      for (std::size_t h = 0; h < forces_.size(); ++h)
+        for (std::size_t a = 0; a < 3; ++a) (supports[h].*part)[static_cast<int>(a)] -= load[axis] * static_cast<double>(share[3 * h + a]);
     }
   }
 
@@ -122,13 +218,18 @@ class SupportField {
   }
 
   std::shared_ptr<const SupportPhase> phase_;
-  std::vector<Vector3<>> forces_;     // w, N
-  std::vector<Vector3<>> reactions_;  // to the last loads, N
-  std::vector<std::int64_t> known_;   // by touched node: version of its displacement
-  std::vector<Vector3<>> cache_;      // by touched node, m
+  Creep law_;
+  double held_decay_;                                                // exp(-r t / T) of a period
+  std::vector<Vector3<>> forces_, excess_;                           // w and d, N
+  std::vector<Vector3<>> delayed_shares_;                            // C_ss^-1 C_sn q_n of `delayed_`, N
+  std::vector<NodeLoad> delayed_;                                    // on nodes that are not held, at the grasp
+  std::vector<std::int32_t> listed_;                                 // by node: index in `delayed_`, or -1
+  std::vector<std::int64_t> known_;                                  // by touched node: version of its displacements
+  std::vector<Vector3<>> held_displacement_, delayed_displacement_;  // by touched node: at the grasp, m
   std::int64_t version_ = 1;
   bool active_ = false;
-  double energy_ = 0.0;
+  double held_work_ = 0.0, mixed_work_ = 0.0, excess_work_ = 0.0;  // w.C_ss w, w.C_ss d, d.C_ss d, N m
+  double delayed_left_ = 1.0, excess_left_ = 1.0;                  // since the grasp
 };
 
 }  // namespace palpate::deformable

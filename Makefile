@@ -19,7 +19,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_NO_COMPILE := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help run test builds check reproduce bench fuzz corefuzz mutate nightly docs wheel lint tidy format clean
+.PHONY: help run test sanitize builds check reproduce bench fuzz corefuzz mutate nightly docs wheel lint tidy format clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -28,8 +28,11 @@ run: .venv/installed  ## install, run the flagship scenario on a deformable body
 	$(BIN)/palpate run scenarios/palpate-phantom.toml --out $(OUT)/palpate-phantom
 	@echo "Report: $(abspath $(OUT))/palpate-phantom/report.html"
 
-test: .venv/test-installed  ## install the test dependencies, run the tests of Python and C++
+test: .venv/test-installed  ## install the test dependencies, run the tests of Python and C++ but the long ones
 	$(PYTEST) --junit-xml=build/junit.xml --ignore=tests/docs $(addprefix --ignore=,$(BUILD_TESTS))
+
+sanitize: .venv/test-installed  ## run all of the core's tests under the address and undefined-behavior sanitizers
+	PALPATE_NIGHTLY=1 $(PYTEST) tests/core/test_core_cpp.py
 
 builds: .venv/cross-installed  ## compile the core and the examples as users do: installed, by other compilers, for other machines
 	$(PYTEST) $(BUILD_TESTS)
@@ -104,7 +107,7 @@ packages = $(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.to
 	| $(BIN)/python -m pip install --quiet --requirement /dev/stdin
 extra = $(call packages,p['optional-dependencies']['$(1)'])
 # Goals that need the packages of the tests install them while the core compiles.
-EARLY := $(if $(filter test builds check nightly docs lint tidy format bench .venv/%-installed,$(MAKECMDGOALS)),+ p['optional-dependencies']['test'])
+EARLY := $(if $(filter test sanitize builds check nightly docs lint tidy format bench .venv/%-installed,$(MAKECMDGOALS)),+ p['optional-dependencies']['test'])
 
 # Editable: Python changes need no reinstall, and the core is rebuilt when one of its files is newer.
 # The core compiles while pip downloads and installs the dependencies.

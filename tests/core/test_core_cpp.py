@@ -27,7 +27,10 @@ def configure(source: Path, build: Path, *options: str) -> subprocess.CompletedP
 
 
 def test_core_under_sanitizers() -> None:
-    """Every GoogleTest of core/tests, with warnings as errors; skipped only where GoogleTest is not installed."""
+    """The GoogleTests of core/tests, with warnings as errors; skipped only where GoogleTest is not installed.
+
+    Those of bodies, whose compilation takes minutes, are in `make sanitize` and `make nightly`.
+    """
     build = ROOT / "build" / "core-tests"
     options = ["-DPALPATE_TESTS=ON", "-DPALPATE_SANITIZE=ON", "-DPALPATE_WERROR=ON"]
     if os.environ.get("PALPATE_NIGHTLY"):

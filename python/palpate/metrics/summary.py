@@ -14,6 +14,7 @@ from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metric
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
 from palpate.scenario.signal import Signal
+from palpate.simulation.continuation import moves_on
 from palpate.simulation.drive_hold import drive_hold, motor_load
 from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.evidence import pushed_through
@@ -83,11 +84,10 @@ def _summarize(trace: Trace) -> dict[str, Any]:
         details = [*_on_axes(summary, trace, scenario), *_in_wall(trace, scenario)]
         if scenario is not None and scenario.operator.kind == "fixed":
             details = []  # nothing moves
-    if trace.verdict.settled and scenario is not None and scenario.operator.kind != "fixed":
-        if details:
-            colon = "" if details[0].startswith("to 5 %") else ":"
-            summary["verdict"] = f"{trace.verdict.state.label}{colon} {details[0]}"
-        details = details[1:]
+    if trace.verdict.settled and scenario is not None and scenario.operator.kind != "fixed" and details:
+        colon = "" if details[0].startswith("to 5 %") else ":"
+        summary["verdict"] = f"{trace.verdict.state.label}{colon} {details[0]}"
+        details = [*details[1:], *filter(None, [moves_on(trace)])]
     summary["verdict"] = "; ".join([summary["verdict"], *details, *_guard(trace, scenario)])
     if "guard" in trace.metadata:
         summary["guard"] = trace.metadata["guard"]

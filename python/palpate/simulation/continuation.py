@@ -9,20 +9,33 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.simulation.energy_balance import own_motions
 from palpate.simulation.evidence import evidence
+from palpate.simulation.friction_hold import friction_of
 from palpate.simulation.recorded import Recorded, external_forces, recorded_scenario
 from palpate.simulation.support_phase import last_change
 from palpate.simulation.verdict import band_of
 from palpate.simulation.windows import Window, windows
 
-LATER: Final = 4  # durations of the run for which it goes on
+LATER: Final = 12  # durations of the run for which it goes on
+FAR: Final = 1.0  # m
+SHIFTS: Final = 0.1  # of the band of rest: way on that is stated
 
-__all__ = ["LATER", "resting_window", "way_on"]
+__all__ = ["LATER", "moves_on", "resting_window", "way_on"]
 
 
-def resting_window(trace: Recorded) -> Window | None:
-    """Return the window in which a tip rests on a body with dry friction under encoder counts; None if it does not.
+def moves_on(trace: Recorded) -> str | None:
+    """Return by how much a tip moves on after its run; None if by little, or if the run did not go on."""
+    continued = trace.metadata.get("continued")
+    if continued is None or continued["moved_m"] <= SHIFTS * continued.get("band_m", np.inf):
+        return None
+    far = "without limit" if continued["moved_m"] > FAR else f"by {1e3 * continued['moved_m']:.2g} mm"
+    return f"encoder counts and friction move the tip on {far} in {LATER} more durations of the run"
 
-    It is None too if objects, tools or supports of the scenario change by themselves, or the drive comes to its limits.
+
+def resting_window(trace: Recorded) -> tuple[Window, float] | None:
+    """Return the window in which a tip rests on a mesh or body with dry friction under encoder counts, and its band, m.
+
+    The tip rests if its motion is within the band. None if it does not, if objects, tools or supports of the scenario
+    change by themselves, or if the drive comes to its limits.
     """
     scenario = recorded_scenario(trace)
     if scenario is None or not scenario.device.encoder or scenario.operator.kind == "fixed":
@@ -34,8 +47,9 @@ def resting_window(trace: Recorded) -> Window | None:
     if not window.constant or changes or trace["saturated"].any():
         return None
     found = evidence(trace, scenario, window, None)
-    rubs = not np.isnan(found.fluctuation[0]) and found.resolution[0] > 0.0
-    return window if rubs and found.ripple[0] <= band_of(found)[0] else None
+    rubs = friction_of(scenario) > 0.0 and found.touching[0] > 0.0 and found.resolution[0] > 0.0
+    band = float(band_of(found)[0])
+    return (window, band) if rubs and found.ripple[0] <= band else None
 
 
 def way_on(tip: Array, window: Window) -> float:

@@ -147,10 +147,10 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
 
 
 def _friction(trace: Recorded, scenario: Scenario, ending: slice) -> dict[str, float]:
-    """Return the evidence about the friction of a run's contact; {} without it."""
+    """Return the evidence about the friction of a run's contact."""
     hold = friction_hold(trace, scenario, ending)
     onward = float(trace.metadata.get("continued", {}).get("moved_m", np.nan))
-    return {} if hold is None else {**asdict(hold), "onward": onward}
+    return {"onward": onward} if hold is None else {**asdict(hold), "onward": onward}
 
 
 def moved_until(trace: Recorded, scenario: Scenario) -> int:

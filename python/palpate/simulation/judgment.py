@@ -10,7 +10,7 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
-from palpate.simulation.continuation import LATER
+from palpate.simulation.continuation import moves_on
 from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
@@ -197,6 +197,8 @@ def _explained(
             reason = f"its oscillation of {swing} decays by a factor of {_factor(ratio)} in {span}; {linear}"
         if scenario is not None and is_one_sided(scenario) and e.touching[0] == 0.0:
             reason += ", off the object"
+        if on := moves_on(trace):
+            reason += f"; {on}"
         if scenario is not None and (hold := drive_hold(trace, scenario)) is not None:
             reason += f"; {hold}"
     else:
@@ -204,7 +206,7 @@ def _explained(
         tools = scenario is not None and bool(tool_poses(scenario, time[[-1]]).size)
         what = "tool" if tools else "object"
         moving = f"the {what} moves until the end: hold it at rest for the last fifth of the run"
-        reason = moving if moves else _undecided(time, e, swing, "tool" in trace)
+        reason = moving if moves else _undecided(trace, e, swing)
         if not window.constant and (supports := _unsupported(trace, scenario)) is not None:
             reason = supports
     if state in (State.SETTLED, State.UNDECIDED) and (off := interruption(trace, scenario)) > 0.0:
@@ -279,7 +281,8 @@ def _unsupported(trace: Recorded, scenario: Scenario | None) -> str | None:
     )
 
 
-def _undecided(time: Array, e: Evidence, swing: str, tool: bool) -> str:
+def _undecided(trace: Recorded, e: Evidence, swing: str) -> str:
+    end = f"{trace.time[-1]:.4g} s"
     if not e.constant[0]:
         return "the external force changes until the end: hold it for the last twentieth of the run or longer"
     if int(e.linear[0]) < 0:
@@ -287,9 +290,9 @@ def _undecided(time: Array, e: Evidence, swing: str, tool: bool) -> str:
     if float(e.drift[0]) > BAND:
         return f"the command still changes, by {100 * float(e.drift[0]):.3g} % of the largest force at the end"
     if abs(float(e.error[0])) > BAND:
-        off = f"{100 * float(e.error[0]):.3g} % from {'the tool' if tool else 'force over stiffness'}"
+        off = f"{100 * float(e.error[0]):.3g} % from {'the tool' if 'tool' in trace else 'force over stiffness'}"
         if e.ripple[0] > max(APPROACHES * float(e.deflection[0]), float(e.resolution[0])):
-            return f"after {time[-1]:.4g} s it is {off}, and still moves by {swing}: give a longer run.duration"
+            return f"after {end} it is {off}, and still moves by {swing}: give a longer run.duration"
         return f"it rests {off}"
     band = max(BAND * float(e.deflection[0]), float(e.resolution[0]), FLOOR)
     if e.creep[0] > band:
@@ -304,14 +307,13 @@ def _undecided(time: Array, e: Evidence, swing: str, tool: bool) -> str:
     if e.ripple[0] <= band and int(e.linear[0]) <= 0 and bool(chatters(e)[0]):
         return f"it oscillates by {swing}, within two encoder counts, in which a growing oscillation begins as well"
     if e.ripple[0] <= band and bool(slips(e)[0]) and not np.isnan(e.onward[0]):
-        on = f"{1e3 * float(e.onward[0]):.3g} mm"
-        return f"under the same forces for {LATER} more durations, encoder counts and friction let it move on by {on}"
+        return moves_on(trace) or "encoder counts and friction move the tip on after the run"
     if e.ripple[0] <= band and bool(slips(e)[0]):
         return f"it oscillates by {swing}, within two encoder counts, in which a contact with friction may slip on"
     if bool(generates(e)[0]) and int(e.linear[0]) <= 0:
         share = f"{100 * float(e.generated[0]):.3g} % of the energy that the operator supplied"
         return f"it moves by {swing}, and its motors keep generating energy: {share} in the last fifth"
-    return f"it has not settled after {time[-1]:.4g} s, and still moves by {swing}: give a longer run.duration"
+    return f"it has not settled after {end}, and still moves by {swing}: give a longer run.duration"
 
 
 def _reach(trace: Recorded, scenario: Scenario | None, window: Window) -> tuple[float | None, str]:

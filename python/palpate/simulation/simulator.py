@@ -158,9 +158,10 @@ class Simulation:
         more = LATER * (len(self.reference) - 1)
         if isinstance(self.controller, PythonController) or len(self.reference) + more > MOST_TICKS:
             return trace
-        window = resting_window(trace)
-        if window is None:
+        rest = resting_window(trace)
+        if rest is None:
             return trace
+        window, band = rest
         reference, operator = (np.vstack([f, np.tile(f[-1], (more, 1))]) for f in (self.reference, self.operator))
         longer = replace(self, reference=reference, operator=operator)
         _limit(self.setup, self.device, limited=False)
@@ -169,7 +170,7 @@ class Simulation:
         finally:
             _limit(self.setup, self.device, self.scenario.device.saturation)
         moved = way_on(held_tip(longer.trace(rows, unstable_tick)), window) if unstable_tick < 0 else BEYOND
-        found = {"duration_s": more * self.scenario.period, "moved_m": moved}
+        found = {"duration_s": more * self.scenario.period, "moved_m": moved, "band_m": band}
         return replace(trace, metadata={**trace.metadata, "continued": found})
 
     def run(self) -> tuple[Array, int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -426,7 +427,7 @@ def test_a_tip_off_its_target_rests_if_it_moves_less_than_the_approach_and_the_c
     """Up to 1e-3 of the deflection, or two encoder counts."""
     for ripple, rests in ((0.99e-6, True), (1.01e-6, False)):
         found = settled(error=0.2, ripple=ripple, deflection=deflection, resolution=resolution)
-        said = _undecided(np.array([0.0, 1.0]), found, "its swing", False)
+        said = _undecided(replace(trace(np.zeros((2, 3))), time=np.array([0.0, 1.0])), found, "its swing")
         expected = "it rests" if rests else "after 1 s it is"
         assert said.startswith(f"{expected} 20 % from force over stiffness")
 

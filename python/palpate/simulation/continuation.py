@@ -1,4 +1,4 @@
-"""A run that goes on under its last forces, where encoder counts may move the tip on along a surface with friction."""
+"""A run that goes on under its last forces, where a guard or encoder counts on a rough surface may move the tip on."""
 
 from __future__ import annotations
 
@@ -28,17 +28,21 @@ def moves_on(trace: Recorded) -> str | None:
     if continued is None or continued["moved_m"] <= SHIFTS * continued.get("band_m", np.inf):
         return None
     far = "without limit" if continued["moved_m"] > FAR else f"by {1e3 * continued['moved_m']:.2g} mm"
-    return f"encoder counts and friction move the tip on {far} in {LATER} more durations of the run"
+    return f"the tip moves on {far} in {LATER} more durations of the run"
 
 
 def resting_window(trace: Recorded) -> tuple[Window, float] | None:
-    """Return the window in which a tip rests on a mesh or body with dry friction under encoder counts, and its band, m.
+    """Return the window in which a tip rests that may move on, and its band, m.
 
-    The tip rests if its motion is within the band. None if it does not, if objects, tools or supports of the scenario
-    change by themselves, or if the drive comes to its limits.
+    It may behind a guard, and on a mesh or body with dry friction under encoder counts. The tip rests if its motion is
+    within the band. None if it does not, if objects, tools or supports of the scenario change by themselves, or if the
+    drive comes to its limits.
     """
     scenario = recorded_scenario(trace)
-    if scenario is None or not scenario.device.encoder or scenario.operator.kind == "fixed":
+    if scenario is None or scenario.operator.kind == "fixed":
+        return None
+    counts = scenario.device.encoder and friction_of(scenario) > 0.0
+    if not counts and scenario.guard.kind == "none":
         return None
     if trace.unstable_from is not None or len(trace.time) < 2:
         return None
@@ -47,9 +51,8 @@ def resting_window(trace: Recorded) -> tuple[Window, float] | None:
     if not window.constant or changes or trace["saturated"].any():
         return None
     found = evidence(trace, scenario, window, None)
-    rubs = friction_of(scenario) > 0.0 and found.touching[0] > 0.0 and found.resolution[0] > 0.0
     band = float(band_of(found)[0])
-    return (window, band) if rubs and found.ripple[0] <= band else None
+    return (window, band) if found.touching[0] > 0.0 and found.ripple[0] <= band else None
 
 
 def way_on(tip: Array, window: Window) -> float:

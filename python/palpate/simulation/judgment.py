@@ -307,7 +307,7 @@ def _undecided(trace: Recorded, e: Evidence, swing: str) -> str:
     if e.ripple[0] <= band and int(e.linear[0]) <= 0 and bool(chatters(e)[0]):
         return f"it oscillates by {swing}, within two encoder counts, in which a growing oscillation begins as well"
     if e.ripple[0] <= band and bool(slips(e)[0]) and not np.isnan(e.onward[0]):
-        return moves_on(trace) or "encoder counts and friction move the tip on after the run"
+        return moves_on(trace) or "the tip moves on after the run"
     if e.ripple[0] <= band and bool(slips(e)[0]):
         return f"it oscillates by {swing}, within two encoder counts, in which a contact with friction may slip on"
     if bool(generates(e)[0]) and int(e.linear[0]) <= 0:

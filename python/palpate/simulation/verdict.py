@@ -325,7 +325,7 @@ def chatters(e: Evidence) -> NDArray[np.bool_]:
 
 
 def slips(e: Evidence) -> NDArray[np.bool_]:
-    """Return whether encoder counts may move tips (n,) on along a surface with dry friction.
+    """Return whether tips (n,) move on behind a guard, or by encoder counts along a surface with dry friction.
 
     An oscillation within the counts lets the contact slip a little in some of its periods, in bursts between which the
     tip may rest for long. A continued run shows them. Where there is none, a contact is taken to slip whose force
@@ -336,7 +336,8 @@ def slips(e: Evidence) -> NDArray[np.bool_]:
     shaken = _outlasts(e) & (e.fluctuation > SHAKEN) & (e.release > band_of(e))
     unheld = (e.linear <= 0) & np.isinf(e.release) & (e.traction > HELD)
     moves = np.where(np.isnan(e.onward), shaken | unheld, e.onward > STAYS * band_of(e))
-    return np.asarray((e.resolution > 0.0) & np.isnan(e.kept) & moves, dtype=bool)
+    known = (e.resolution > 0.0) | ~np.isnan(e.onward)
+    return np.asarray(known & np.isnan(e.kept) & moves, dtype=bool)
 
 
 def band_of(e: Evidence) -> Array:

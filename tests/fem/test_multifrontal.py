@@ -35,6 +35,30 @@ def test_the_compliance_is_that_of_the_inverse(threads: int, monkeypatch: pytest
     np.testing.assert_array_equal(found, found.T)
 
 
+def test_springs_along_the_axes_couple_the_nodes_between_which_they_act(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such a spring has entries of one axis only: the nodes across it must be coupled too."""
+    monkeypatch.setattr("palpate.fem.dense.threads", lambda: 1)
+    volume = block((0.09, 0.06, 0.05), 0.01)
+    count = len(volume.points)
+    pairs = np.unique(
+        np.sort(np.concatenate([volume.tetrahedra[:, [a, b]] for a in range(4) for b in range(a)])), axis=0
+    )
+    stiffness = 0.5 * np.eye(3 * count)
+    for i, j in pairs:
+        along = volume.points[j] - volume.points[i]
+        along[np.abs(along) < 1e-9] = 0.0
+        n = np.zeros(3 * count)
+        n[3 * i : 3 * i + 3], n[3 * j : 3 * j + 3] = -along, along
+        stiffness += 100.0 * np.outer(n, n) / (along @ along)
+    sparse = scipy.sparse.csr_matrix(stiffness)
+    assert sparse.nnz < 9 * np.count_nonzero(np.abs(stiffness).reshape(count, 3, count, 3).sum(axis=(1, 3)))
+    loads = np.zeros((count, 4))
+    loads[np.arange(3, 43, 10), np.arange(4)] = 1.0
+    each = np.kron(loads, np.eye(3))
+    found = MultifrontalSolver(sparse, scipy.sparse.csr_matrix(loads), volume.points).compliance()
+    np.testing.assert_allclose(found, each.T @ np.linalg.solve(stiffness, each), rtol=1e-4, atol=1e-6 * found.max())
+
+
 def test_the_fronts_hold_the_factor_and_its_multiplications(monkeypatch: pytest.MonkeyPatch) -> None:
     """Eliminating s unknowns of n multiplies as often as the volume between two cubes: (n^3 - (n - s)^3) / 3."""
     solver, stiffness, _ = system(1, monkeypatch)

@@ -79,8 +79,7 @@ class MultifrontalSolver:
     """
 
     def __init__(self, stiffness: sparse.csr_matrix, loads: sparse.csr_matrix, points: Array) -> None:
-        graph = stiffness[::3][:, ::3]
-        graph.data = np.ones(len(graph.data), dtype=np.int8)
+        graph = _coupled_nodes(stiffness)
         self._order, tree = nested_dissection(graph, points)
         position = np.empty(len(self._order), dtype=np.int64)
         position[self._order] = np.arange(len(self._order))
@@ -216,6 +215,17 @@ class MultifrontalSolver:
         for a in range(3):
             pivot.load[3 * row + a, 3 * loads.row + a] = loads.data
         pivot.trial[:] = self._trials[_axes(np.arange(front.begin, front.end))].T
+
+
+def _coupled_nodes(stiffness: sparse.csr_matrix) -> sparse.csr_matrix:
+    """Return which nodes (N, N) a stiffness couples: 1 where it has an entry of any two axes."""
+    graph = stiffness[::3][:, ::3]
+    if stiffness.nnz != 9 * graph.nnz:  # springs along an axis couple no others
+        entries = stiffness.tocoo()
+        ones = np.ones(len(entries.data), dtype=np.int8)
+        graph = sparse.csr_matrix((ones, (entries.row // 3, entries.col // 3)), shape=graph.shape)
+    graph.data = np.ones(len(graph.data), dtype=np.int8)
+    return graph
 
 
 def _extend_add(

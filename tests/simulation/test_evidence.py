@@ -432,6 +432,15 @@ def test_a_tip_off_its_target_rests_if_it_moves_less_than_the_approach_and_the_c
         assert said.startswith(f"{expected} 20 % from force over stiffness")
 
 
+def test_bounces_of_an_impact_that_decay_over_three_fifths_are_no_sustained_oscillation() -> None:
+    """They may be as large in one fifth as in the one before."""
+    bounces = {"contacts": 1.0, "prior": 7.7e-6, "late": 7.3e-6, "swing": 2.1e-5, "swing_before": 3.2e-5,
+               "ripple": 5.1e-5, "ripple_before": 8.6e-5, "deflection": 7.8e-5, "linear": 0}  # fmt: skip
+    assert state(**bounces, early=2.4e-5) is State.UNDECIDED
+    assert state(**bounces, early=8e-6) is State.BOUNDED_OSCILLATION
+    assert state(**{**bounces, "contacts": 0.0}, early=2.4e-5) is State.BOUNDED_OSCILLATION
+
+
 def test_a_motion_at_rounding_level_does_not_grow() -> None:
     """However small it was before: second differences below 1e-14 m are rounding."""
     before = {"early": 1e-17, "prior": 1e-17, "swing": 2e-6, "swing_before": 1e-6, "ripple": 2e-6, "linear": 0}

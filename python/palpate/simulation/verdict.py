@@ -375,7 +375,8 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     decays = stable & (ratio < np.fmax(1.0 / GROWING, np.sqrt(e.decay)))
     lasting = np.where(np.isnan(e.decay), 0.0, np.minimum(e.decay, 1.0)) ** 4
     persists = e.kept > np.clip(SLOWER * lasting, PERSISTS, MOST)
-    swings = bounces | persists | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays)
+    impact = (e.contacts >= 1) & (mean < SUSTAINED)  # its bounces decay, if not from each fifth to the next
+    swings = bounces | persists | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays & ~impact)
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     # where contact slips, encoder counts move the tip on more slowly than the linear loop decays

@@ -5,6 +5,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+import scipy
 from palpate.errors import RecordingError
 from palpate.identification import Recording, arx, arx_models, independence, select_order, whiteness
 from palpate.identification.arx_models import ArxModel
@@ -217,7 +218,10 @@ def test_the_noise_is_that_of_the_residuals_with_their_degrees_of_freedom():
 
 
 def test_least_squares_and_instruments_solve_the_normal_equations_in_any_units():
-    """X^T r = 0 or Z^T r = 0; the second result is (X^T X)^-1, or G G^T with G = (Z^T X)^-1 Z^T."""
+    """X^T r = 0 or Z^T r = 0; the second result is (X^T X)^-1, or G R G^T with G = (Z^T X)^-1 Z^T.
+
+    R is the autocovariance of the errors, with weights that fall from 1 to 0 over the lags.
+    """
     rng = np.random.default_rng(0)
     scale = np.array([1e-6, 1.0, 1e5])
     x, target = rng.normal(size=(60, 3)) * scale, rng.normal(size=60)
@@ -226,10 +230,29 @@ def test_least_squares_and_instruments_solve_the_normal_equations_in_any_units()
     np.testing.assert_allclose(scale * solution, np.linalg.lstsq(x / scale, target, rcond=None)[0], rtol=1e-9)
     outer = np.outer(scale, scale)
     np.testing.assert_allclose(inverse * outer, np.linalg.inv((x / scale).T @ (x / scale)), rtol=1e-9, atol=1e-12)
-    solution, spread = arx_models._instrumental(x, target, z)
+    solution, spread = arx_models._instrumental(x, target, z, 4)
     np.testing.assert_allclose((z.T @ (target - x @ solution)) / np.linalg.norm(z, axis=0), 0.0, atol=1e-9)
-    gain = np.linalg.inv(z.T @ x) @ z.T
-    np.testing.assert_allclose(spread * outer, gain @ gain.T * outer, rtol=1e-8, atol=1e-12)
+    gain, error = np.linalg.inv(z.T @ x) @ z.T, target - x @ solution
+    lagged = np.array([error[lag:] @ error[: 60 - lag] for lag in range(5)]) / 57 * (1 - np.arange(5) / 5)
+    autocovariance = scipy.linalg.toeplitz(np.append(lagged, np.zeros(55)))
+    np.testing.assert_allclose(spread * outer, gain @ autocovariance @ gain.T * outer, rtol=1e-8, atol=1e-12)
+
+
+def test_noise_on_the_angles_scatters_an_instrumental_estimate_by_its_standard_deviation():
+    """The equation's errors are then a moving average of the noise, not white."""
+    rng = np.random.default_rng(5)
+    values, told = [], []
+    for _ in range(60):
+        torque = rng.normal(size=(400, 1))
+        clean = scipy.signal.lfilter([0.0, 1.0, 0.5], [1.0, 1.6, 0.73], torque, axis=0)
+        noisy = clean + 0.5 * rng.normal(size=clean.shape)
+        recordings = [Recording(time=0.01 * np.arange(400), angle=angle, torque=torque) for angle in (noisy, clean)]
+        model = arx(recordings[0], 2, 2, 1, instruments=recordings[1])
+        values.append(model.a[0, 0, 1:])
+        told.append(model.a_std[0, 0, 1:])
+    scatter = np.std(values, axis=0)
+    assert (np.median(told, axis=0) < 1.5 * scatter).all()  # white errors would tell 2.3 and 2.7 times it
+    assert (np.median(told, axis=0) > 0.7 * scatter).all()
 
 
 def test_regressors_without_excitation_are_named():
@@ -249,9 +272,25 @@ def test_regressors_without_excitation_are_named():
             arx_models._least_squares(twin, target, "the name of {}".format)
     for columns, z in ((still, x), (x, still)):
         with pytest.raises(RecordingError, match="a regressor of the model is zero throughout"):
-            arx_models._instrumental(columns, target, z)
+            arx_models._instrumental(columns, target, z, 4)
     with pytest.raises(RecordingError, match="the instruments do not distinguish the coefficients"):
-        arx_models._instrumental(x, target, np.column_stack([x[:, 0], x[:, 0], x[:, 1]]))
+        arx_models._instrumental(x, target, np.column_stack([x[:, 0], x[:, 0], x[:, 1]]), 4)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e4])
+def test_criteria_of_order_do_not_depend_on_the_unit_of_the_angle(unit: float) -> None:
+    """They compare the same samples for every order."""
+    rng = np.random.default_rng(3)
+    torque = rng.normal(size=(600, 1))
+    angle = scipy.signal.lfilter([0.0, 1.0], [1.0, -1.2, 0.7, -0.2], torque + 0.3 * rng.normal(size=(600, 1)), axis=0)
+    tables = []
+    for scale in (1.0, unit):
+        record = Recording(0.01 * np.arange(600), scale * angle, torque)
+        tables.append(select_order(record, [(n, n, 1) for n in range(1, 9)]))
+    for name in ("aic", "bic", "mdl"):
+        one, other = ([getattr(c, name) for c in table.candidates] for table in tables)
+        np.testing.assert_allclose(np.diff(one), np.diff(other), rtol=1e-6, atol=1e-6)
+        assert tables[0].best[name] == tables[1].best[name]
 
 
 def test_a_residual_test_needs_four_samples_a_lag_of_one_signal_that_moves():

@@ -195,7 +195,8 @@ def arx(
         nb: (dof, dof) orders, or one number for all.
         nk: (dof, dof) delays in samples, or one number for all.
         instruments: a recording of the same length whose regressors are free of this one's noise; without it the
-            estimate is plain least squares, which noise on the angles biases.
+            estimate is plain least squares, which noise on the angles biases. The standard deviations allow for errors
+            that are not white; of slow, oversampled modes they are up to twice too large.
 
     Raises:
         RecordingError: orders of the wrong shape, too few samples, or too little excitation, naming the coefficient.
@@ -241,6 +242,8 @@ def _estimate(
         target = y[reach:, k]
         if instruments is None:
             value, inverse = _least_squares(columns, target, lambda i, k=k: _name(na[k], nb[k], nk[k], k, i))
+            errors[:, k] = target - columns @ value
+            covariance.append(float(errors[:, k] @ errors[:, k]) / (rows - len(value)) * inverse)
         else:
             z = _columns(
                 instruments.angle - instruments.angle.mean(axis=0),
@@ -250,10 +253,9 @@ def _estimate(
                 nk[k],
                 reach,
             )
-            value, inverse = _instrumental(columns, target, z)
-        errors[:, k] = target - columns @ value
-        spread = float(errors[:, k] @ errors[:, k]) / (rows - len(value))
-        covariance.append(spread * inverse)
+            value, spread = _instrumental(columns, target, z, lags=10 * int(na[k].max()))
+            errors[:, k] = target - columns @ value
+            covariance.append(spread)
         deviation = np.sqrt(np.diag(covariance[-1]))
         at = 0
         for j in range(ny):
@@ -319,14 +321,24 @@ def _least_squares(columns: Array, target: Array, name: Any) -> tuple[Array, Arr
     return inverse @ rest / scale, inverse @ inverse.T / np.outer(scale, scale)
 
 
-def _instrumental(columns: Array, target: Array, z: Array) -> tuple[Array, Array]:
-    """Return the instrumental-variable solution and the matrix that, times the noise variance, is its covariance."""
+def _instrumental(columns: Array, target: Array, z: Array, lags: int) -> tuple[Array, Array]:
+    """Return the instrumental-variable solution and its covariance.
+
+    Noise on the angles passes through A(q), so the equation's errors are not white: the covariance contains their
+    autocorrelation up to `lags` samples, with the weights of Newey & West (1987), which keep it positive.
+    """
     scale, size = np.linalg.norm(columns, axis=0), np.linalg.norm(z, axis=0)
     if np.any(scale == 0) or np.any(size == 0):
         raise RecordingError("too little excitation: a regressor of the model is zero throughout")
     cross = (z / size).T @ (columns / scale)
     if np.linalg.cond(cross) > 1e12:
         raise RecordingError("too little excitation: the instruments do not distinguish the coefficients")
-    inverse = np.linalg.inv(cross)
-    gain = inverse @ (z / size).T
-    return gain @ target / scale, gain @ gain.T / np.outer(scale, scale)
+    gain = np.linalg.solve(cross, (z / size).T) / scale[:, None]
+    value = gain @ target
+    error = target - columns @ value
+    rows = len(error) - len(value)
+    covariance = float(error @ error) / rows * gain @ gain.T
+    for lag in range(1, min(lags, rows - 1) + 1):
+        shifted = gain[:, lag:] @ gain[:, :-lag].T
+        covariance += (1.0 - lag / (lags + 1.0)) * float(error[lag:] @ error[:-lag]) / rows * (shifted + shifted.T)
+    return value, covariance

@@ -66,6 +66,8 @@ class OrderTable:
 def select_order(recording: Recording, structures: Sequence[Structure], *, fraction: float = 0.7) -> OrderTable:
     """Fit each structure to the first `fraction` of a recording, and validate it on the rest.
 
+    The criteria compare the errors in the samples that every structure predicts.
+
     Raises:
         RecordingError: no structure given, or the recording is too short or excites too little for one of them.
     """
@@ -73,10 +75,11 @@ def select_order(recording: Recording, structures: Sequence[Structure], *, fract
         raise RecordingError("give at least one structure (na, nb, nk) to choose from")
     seen, unseen = recording.split(fraction)
     candidates = []
-    for na, nb, nk in structures:
-        model = arx(seen, na, nb, nk)
-        error = model.residuals(seen)
-        n, count = len(error), model.count
+    models = [arx(seen, *structure) for structure in structures]
+    residuals = [model.residuals(seen) for model in models]
+    n = min(len(error) for error in residuals)
+    for (na, nb, nk), model, own in zip(structures, models, residuals, strict=True):
+        error, count = own[-n:], model.count
         log_det = float(np.linalg.slogdet(error.T @ error / n)[1])
         try:
             fit = model.fit(unseen)

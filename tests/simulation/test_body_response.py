@@ -8,7 +8,7 @@ from typing import Any
 import control
 import numpy as np
 import pytest
-from palpate import fem
+from palpate import fem, simulate
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.simulation.body_response import HeldTip, body_response, multirate_response, realization
@@ -214,6 +214,35 @@ def test_a_hyperelastic_body_follows_its_local_model_between_updates(block: Path
     assert np.abs(found.correction[:5]).max() < 1e-3 * found.local[0, 0]  # published after the update
     assert np.abs(found.correction).max() < 0.1 * found.local[0, 0]
     assert found.static[0, 0] == pytest.approx(found.local[0, 0], rel=0.1)
+
+
+def test_the_static_stiffness_of_a_hyperelastic_body_is_the_slope_between_two_rests(tmp_path: Path) -> None:
+    """A ball deep in a soft block, where the energy tank delays the updates."""
+    path = tmp_path / "deep.h5"
+    fem.build(fem.block((0.064, 0.064, 0.032), 0.008), young=5e3, poisson=0.4, fixed="z < 0.001 mm",
+              touch="z > 31.9 mm", order=1, output=path)  # fmt: skip
+
+    def press(force: float) -> tuple[Scenario, Any]:
+        body = {"file": str(path), "origin": ["32 mm", "32 mm", "32 mm"], "rotation": ["0 deg", "90 deg", "0 deg"],
+                "kind": "neo-hookean", "update_interval": "20 ms", "radius": "10 mm"}  # fmt: skip
+        hand = {"kind": "arm", "mass": "0.15 kg", "damping": "6 N*s/m", "stiffness": "10 N/m"}
+        tables = {
+            "device": {"name": "slider"},
+            "servo": {"period": "1 ms", "topology": "impedance_display"},
+            "operator": {**hand, "shape": "ramp", "rise": "0.5 s", "force": [f"{-force} N", "0 N", "0 N"]},
+            "object": {"kind": "body", "position": ["-10.2 mm", "0 mm", "0 mm"], "body": body},
+            "run": {"duration": "4 s"},
+        }
+        scenario = Scenario.from_dict(tables)
+        return scenario, simulate(scenario)
+
+    (scenario, trace), (_, further) = press(1.2), press(1.21)
+    force, tip = (further[name][-1, 0] - trace[name][-1, 0] for name in ("object_force", "tip"))
+    found = multirate_response(HeldTip(scenario, trace["tip"] - trace["tip"][0]))
+    assert found.static[0, 0] == pytest.approx(abs(force / tip), rel=0.01)
+    assert found.local[0, 0] < 0.9 * found.static[0, 0]
+    summed = found.local + found.correction.sum(axis=0) / found.every
+    assert found.error[0, 0] >= abs(summed[0, 0] - found.static[0, 0])
 
 
 @pytest.mark.parametrize(

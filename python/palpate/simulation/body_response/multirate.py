@@ -38,8 +38,10 @@ class MultirateResponse:
         frame: axes of the contact in columns (3, 3), device frame.
         local: K (3, 3), N/m, of the local model.
         correction: g (n, 3, 3), N/m, n a multiple of `every`; g[0] is zero.
+        static: change of the force under a lasting displacement (3, 3), N/m, as measured, mean over an update.
         every: m, ticks of an update.
-        error: bound of the gain of the omitted dynamics, by entry (3, 3), N/m.
+        error: bound of the gain of the omitted dynamics, by entry (3, 3), N/m. It includes the difference between
+            `static` and what K and g give, as the energy tank may delay an update.
         asymmetry: difference of the answers to opposite displacements, relative.
         nodes: number of nodes in contact.
     """
@@ -47,6 +49,7 @@ class MultirateResponse:
     frame: Array
     local: Array
     correction: Array
+    static: Array
     every: int
     error: Array
     asymmetry: float
@@ -56,11 +59,6 @@ class MultirateResponse:
     def one_tick(self) -> Array:
         """Change of the force within the tick of a displacement (3, 3), N/m: that of the local model."""
         return self.local
-
-    @property
-    def static(self) -> Array:
-        """Change of the force under a lasting displacement (3, 3), N/m, mean over an update."""
-        return np.asarray(self.local + self.correction.sum(axis=0) / self.every)
 
 
 def multirate_response(held: HeldTip) -> MultirateResponse:
@@ -73,7 +71,7 @@ def multirate_response(held: HeldTip) -> MultirateResponse:
     step = _choose_step(held)
     updates = _UPDATES
     while True:
-        forth, back = _impulses(held, step, updates * every)
+        forth, back = _answers(held, step, updates * every)
         mean, size = 0.5 * (forth + back), float(np.linalg.norm(0.5 * (forth + back)[0], ord=2))
         last = float(np.linalg.norm(mean[-every:], ord=2, axis=(1, 2)).max())
         moving = float(np.linalg.norm(mean[-every:] - mean[-2 * every : -every], ord=2, axis=(1, 2)).max())
@@ -91,28 +89,36 @@ def multirate_response(held: HeldTip) -> MultirateResponse:
     correction[0] = 0.0
     odd = np.abs(0.5 * (forth - back))
     error = odd[0] + odd[1:].sum(axis=0) / every + np.abs(mean[-every:]).max(axis=0)
-    return MultirateResponse(held.frame, mean[0], correction, every, error, float(odd.max()) / size, held.nodes)
+    lasting = 0.5 * sum(part[-every:].mean(axis=0) for part in _answers(held, step, 2 * updates * every, lasting=True))
+    error += np.abs(lasting - mean[0] - correction.sum(axis=0) / every)
+    asymmetry = float(odd.max()) / size
+    return MultirateResponse(held.frame, mean[0], correction, lasting, every, error, asymmetry, held.nodes)
 
 
 def _choose_step(held: HeldTip) -> float:
     """Return the step, m, whose opposite displacements are answered most alike."""
     found = []
     for relative in _STEPS:
-        forth, back = _impulses(held, relative * held.radius, _UPDATES * held.every)
+        forth, back = _answers(held, relative * held.radius, _UPDATES * held.every)
         odd = float(np.abs(forth - back).max()) / max(float(np.abs(forth + back).max()), 1e-300)
         found.append((odd, relative * held.radius))
     return min(found)[1]
 
 
-def _impulses(held: HeldTip, step: float, ticks: int) -> tuple[Array, Array]:
-    """Return the responses (ticks, 3, 3), N/m, to displacements forth and back in a tick that an update samples."""
+def _answers(held: HeldTip, step: float, ticks: int, lasting: bool = False) -> tuple[Array, Array]:
+    """Return the responses (ticks, 3, 3), N/m, to displacements forth and back, from a tick on that an update samples.
+
+    They last for that tick alone, or until the end.
+    """
     answers = np.empty((2, ticks, 3, 3))
     still = np.zeros((ticks, 3))
     for axis in range(3):
         for row, sign in enumerate((1.0, -1.0)):
             before = held.move(np.zeros((1 + (-held.ticks - 1) % held.every, 3)))[0][-1]
             moved = still.copy()
-            moved[0] = sign * step * held.frame[:, axis]
+            moved[: ticks if lasting else 1] = sign * step * held.frame[:, axis]
             forces = held.move(moved)[0]
             answers[row, :, :, axis] = (forces - before) @ held.frame / (sign * step)
+            if lasting:
+                held.move(still)
     return answers[0], answers[1]

@@ -35,7 +35,7 @@ def test_the_stiffness_of_a_body_is_that_of_its_states_turned_into_the_device_fr
     a *= 0.9 / max(np.abs(np.linalg.eigvals(a)).max(initial=0.0), 0.1)
     system = control.StateSpace(a, rng.normal(size=(states, 3)), rng.normal(size=(3, states)), local, 2e-3)
     static = np.diag([123.0, 1.0, 2.0])
-    response = SimpleNamespace(system=system, local=local, static=static)
+    response = SimpleNamespace(system=system, local=local, static=static, error=np.full((3, 3), 0.019 * 123.0))
     tip, angle = rng.normal(size=(10, 3)), rng.normal(size=(10, 3))
     run = SimpleNamespace(lasts=True, held=6, trace={"tip": tip, "angle": angle}, sentence="It bounced.")
     paths: list[Any] = []
@@ -54,13 +54,19 @@ def test_the_stiffness_of_a_body_is_that_of_its_states_turned_into_the_device_fr
     hertz = np.array([1.0, 30.0, 200.0])
     for f, got in zip(hertz, found.desired(hertz), strict=True):
         z = np.exp(2j * np.pi * f * 2e-3)
-        own = local if multirate else system(z)
+        own = static if multirate else system(z)
         np.testing.assert_allclose(got, frame @ own @ frame.T, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(found.directions(), frame[None, :, 0])
     np.testing.assert_allclose(found.stiffness, 123.0 * np.outer(frame[:, 0], frame[:, 0]))
     assert (found.period, found.delay, found.coupling, found.gravity_compensation) == (2e-3, 2, "none", False)
     np.testing.assert_array_equal(found.damping, np.zeros((3, 3)))
     np.testing.assert_array_equal(found.pose, angle[6])
+    response.error[0, 0] = 0.021 * 123.0
+    if multirate:  # its stiffness is measured by a lasting displacement
+        assert body_loop_response(scenario).stiffness.shape == (3, 3)
+    else:
+        with pytest.raises(StabilityError, match=r"known to 2\.6 N/m only, of 123 N/m: too little to measure"):
+            body_loop_response(scenario)
     run.lasts = False
     with pytest.raises(StabilityError, match=r"a contact that lasts, and this one does not: it bounced; move the body"):
         body_loop_response(scenario)

@@ -144,7 +144,11 @@ def test_the_ways_follow_from_mass_friction_and_period() -> None:
         )  # fmt: skip
         assert (way.damping, way.coupling) == pytest.approx((one.damping, one.coupling))
     names = [way.name for way in ways]
-    assert [way.name for way in _ways(AXIS, T, 1)] == [name for name in names if "deadbeat" not in name]
+    delayed = _ways(AXIS, T, 1)  # passive up to b over (n + 1/2) T
+    renamed = [name.replace("b/T", "b/(3 T)") for name in names if "deadbeat" not in name]
+    assert [way.name for way in delayed] == renamed
+    assert delayed[0].guarantee == "stiffness up to 2 b/(3 T) = 33.33 N/m"
+    assert [way.coupling for way in delayed if "coupling" in way.name] == pytest.approx([100.0 / 3.0, 400.0 / 3.0])
     smooth = _ways(TipAxis(0.06, 0.05, 0.0, 1e-5), T, 0)
     assert [way.name for way in smooth] == [name for name in names if "dry" not in name]
     without = _ways(TipAxis(0.06, 0.0, 0.02, 1e-5), T, 0)

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flexible_device import device_file
 from palpate import simulate
 from palpate.cli.main import app
-from palpate.devices import Device
+from palpate.devices import Device, load
 from palpate.errors import StabilityError
 from palpate.linear import HumanArm
 from palpate.metrics import (
@@ -37,6 +38,7 @@ from palpate.metrics.performance import (
     _transparent_up_to,
 )
 from palpate.scenario import Scenario
+from palpate.simulation.linear_loop import scenario_arm
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import State
 from typer.testing import CliRunner
@@ -128,9 +130,15 @@ def test_the_simulated_slider_shaken_by_a_sine(frequency: float) -> None:
     assert abs(pushed / moved) == pytest.approx(abs(felt(tables, [frequency])[0]), rel=2e-4)
 
 
-def test_the_simulated_arm_under_lqg_shaken_by_a_sine() -> None:
+HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"}
+FINGER = {**HAND, "tissue_stiffness": "500 N/m", "tissue_damping": "0.5 N*s/m"}
+
+
+@pytest.mark.parametrize("operator", [None, HAND, FINGER], ids=["no arm", "rigid grip", "fingertip"])
+def test_the_simulated_arm_under_lqg_shaken_by_a_sine(operator: dict[str, Any] | None) -> None:
     """The nonlinear arm with a controller: a millinewton of the reference moves the object's force as it should."""
     tables = Scenario.from_file(SCENARIOS / "press-stiff-cube-lqg.toml").to_dict()
+    tables |= {} if operator is None else {"operator": operator}
     frequency = 8.0
     tables["reference"] = {"shape": "sine", "force": ["0.01 N", "0 N", "0 N"], "frequency": f"{frequency} Hz"}
     tables["run"] = {"duration": "2 s", "substeps": 4}
@@ -139,8 +147,74 @@ def test_the_simulated_arm_under_lqg_shaken_by_a_sine() -> None:
     turn = np.exp(-2j * np.pi * frequency * trace.time[tail])
     answered = 2 * np.mean(trace["object_force"][tail, 0] * turn)
     asked = 2 * np.mean(trace["reference_force"][tail, 0] * turn)
-    ours = LoopResponse.of(Scenario.from_dict(tables)).reference([frequency])[0, 0, 0]
+    scenario = Scenario.from_dict(tables)
+    ours = LoopResponse.of(scenario).reference([frequency], scenario_arm(scenario))[0, 0, 0]
     assert answered / asked == pytest.approx(ours, rel=3e-3)
+
+
+def test_a_textured_wall_acts_along_its_normal_as_a_plain_one() -> None:
+    wall = {"kind": "wall", "stiffness": "0.5 N/mm", "normal": [0, 0, 1]}
+    texture = {"wavelength": "2 mm", "across": [1, 0, 0], "lateral_force": "0.01 N"}
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"topology": "impedance_display"},
+    }
+    plain, textured = (
+        response({**tables, "object": o}) for o in (wall, {**wall, "kind": "textured_wall", "texture": texture})
+    )
+    np.testing.assert_array_equal(textured.directions(), plain.directions())
+    np.testing.assert_array_equal(textured.displacement([3.0]), plain.displacement([3.0]))
+
+
+def test_a_tip_that_sticks_to_a_mesh_meets_the_spring_of_its_proxy_in_all_directions() -> None:
+    """On a tilted mesh the device's inertia couples them: the response is that of a spring, not of a wall."""
+    surface = {"stiffness": "0.5 N/mm", "damping": "1 N*s/m"}
+    mesh = {
+        "kind": "mesh",
+        "position": ["0 mm", "0 mm", "-0.5 mm"],
+        "mesh": {"shape": "box", "edge": "100 mm", "divisions": 4, "rotation": ["30 deg", "20 deg", "0 deg"]},
+    }
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"topology": "impedance_display"},
+        "operator": {"kind": "force", "shape": "ramp", "rise": "0.2 s", "force": ["-0.2962 N", "0.5 N", "-0.8138 N"]},
+        "run": {"duration": "2 s"},
+    }
+    rough = {"static_friction": 0.9}
+    for extra, across in ((rough, 500.0), ({**rough, "tangential": "0.2 N/mm"}, 200.0), ({}, 0.0)):
+        scenario = Scenario.from_dict({**tables, "object": {**mesh, "surface": {**surface, **extra}}})
+        trace = simulate(scenario)
+        loop, n = LoopResponse.on_mesh(scenario, trace), trace["normal"][-1]
+        np.testing.assert_allclose(loop.directions(), [n])
+        np.testing.assert_allclose(loop.stiffness, 500.0 * np.outer(n, n) + across * (np.eye(3) - np.outer(n, n)))
+        if across == 500.0:  # a sine of the force along the normal, about the rest
+            time = np.arange(0.0, 4.0, 0.002)
+            force = np.outer(-1.0 + 0.05 * np.sin(8 * np.pi * time), n)
+            rows = [[f"{0.2 + t:.4f} s", *(f"{x} N" for x in f)] for t, f in zip(time, force, strict=True)]
+            table = [["0 s", "0 N", "0 N", "0 N"], *rows]
+            shaken = simulate(
+                {
+                    **scenario.to_dict(),
+                    "operator": {"kind": "force", "shape": "table", "table": table},
+                    "run": {"duration": "4.2 s"},
+                }
+            )
+            tail = slice(-1000, None)  # four periods of 4 Hz
+            turn = np.exp(-8j * np.pi * shaken.time[tail])
+            moved, pushed = (np.mean(shaken[name][tail] @ n * turn) for name in ("tip", "operator_force"))
+            assert pushed / moved == pytest.approx(1.0 / (n @ loop.displacement([4.0])[0] @ n), rel=0.02)
+
+
+def test_a_device_with_a_flexible_mode_is_refused(tmp_path: Path) -> None:
+    """The frequency responses are those of a rigid device."""
+    tables = slider("80 N/m")
+    tables["device"] = {"name": device_file(tmp_path, load("slider"), 40.0)}
+    with pytest.raises(StabilityError, match=r"device\.rigid: .* has a flexible mode: write rigid = true"):
+        measure_performance(tables)
+    tables["device"]["rigid"] = True
+    assert measure_performance(tables).along[0].static_stiffness > 0.0
 
 
 def test_a_hold_has_lost_half_its_power_at_443_thousandths_of_the_rate() -> None:
@@ -386,7 +460,7 @@ def test_the_dynamic_stiffness_of_an_object_is_that_of_its_spring_and_damper() -
     """K + j 2 pi f B, and its directions are those in which it acts and the device moves."""
     stiffness, damping = np.diag([1000.0, 0.0, 500.0]), np.diag([2.0, 0.0, 0.0])
     device = SimpleNamespace(jacobian=lambda _: np.diag([0.1, 0.1, 0.0]))
-    loop: Any = SimpleNamespace(stiffness=stiffness, damping=damping, device=device, pose=None)
+    loop: Any = SimpleNamespace(stiffness=stiffness, damping=damping, device=device, pose=None, normal=None)
     found = LoopResponse.desired(loop, np.array([1.0, 30.0]))
     assert found.shape == (2, 3, 3)
     np.testing.assert_allclose(found[1], stiffness + 60j * np.pi * damping)
@@ -578,7 +652,7 @@ def test_a_static_stiffness_is_that_at_a_thousandth_of_a_hertz_unless_it_doubles
         values = {2e-3: slow, 1e-3: slower}
         return SimpleNamespace(
             displacement=lambda f: np.array([np.diag([1.0 / values[one], 1.0, 1.0]) for one in f]),
-            reference=lambda f: np.array([np.diag([values[one], 1.0, 1.0]) for one in f]),
+            reference=lambda f, _arm: np.array([np.diag([values[one], 1.0, 1.0]) for one in f]),
             desired=lambda f: np.array([np.diag([values[one], 1.0, 1.0]) for one in f]),
         )
 
@@ -767,7 +841,7 @@ def test_a_soft_object_and_a_damper_alone_act_in_their_directions() -> None:
     equal = {**soft, "damping": ["0.5 N*s/m", "0.2 N*s/m", "0 N*s/m"]}
     np.testing.assert_array_equal(response({**tables, "object": equal}).directions(), np.eye(3)[:2])
     device = SimpleNamespace(jacobian=lambda _: np.diag([1e-9, 2e-10, 1e-19]))
-    small: Any = SimpleNamespace(stiffness=np.eye(3), damping=0 * np.eye(3), device=device, pose=None)
+    small: Any = SimpleNamespace(stiffness=np.eye(3), damping=0 * np.eye(3), device=device, pose=None, normal=None)
     np.testing.assert_array_equal(LoopResponse.directions(small), np.eye(3)[:2])
     small.device = SimpleNamespace(jacobian=lambda _: np.diag([1e-9, 2e-10, 1.5e-18]))
     np.testing.assert_array_equal(LoopResponse.directions(small), np.eye(3))

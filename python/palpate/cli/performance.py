@@ -58,7 +58,9 @@ def performance(
             if transparent
             else "not transparent to within 23 % at 0.1 Hz",
             *([] if math.isnan(one.rate_hardness) else [f"rate-hardness {one.rate_hardness:.4g} N/m"]),
-            f"force bandwidth {one.bandwidth:.3g} Hz",
+            "force bandwidth above half the sampling rate"
+            if math.isinf(one.bandwidth)
+            else f"force bandwidth {one.bandwidth:.3g} Hz",
             *([] if math.isnan(one.precision) else [f"static error {100 * one.precision:.3g} %"]),
         ]
         output.print(f"  along ({where}): {'; '.join(parts)}", markup=False, soft_wrap=True)
@@ -71,6 +73,7 @@ def performance(
 def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> None:
     """Compare the guards on one axis of the device of a scenario."""
     with progress("reading the scenario") as tell:
+        from palpate.errors import StabilityError
         from palpate.metrics import compare_guards
         from palpate.stability import design_couplings
 
@@ -78,6 +81,8 @@ def _guards(scenario: Path, out: Path | None, settings: list[str] | None) -> Non
         device, start = loaded.load_device(), loaded.start
         pose = device.inverse(start.tip) if start.tip is not None else start.pose
         with loaded.naming_place():
+            if loaded.servo.jitter > 0.0:
+                raise StabilityError("servo.jitter: the comparison takes no late ticks; remove it")
             found = compare_guards(
                 device, pose, loaded.object.normal, period=loaded.period, delay=loaded.device.delay, progress=tell
             )

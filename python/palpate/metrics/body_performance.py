@@ -9,13 +9,16 @@ import numpy as np
 
 from palpate.arrays import Array, Complex
 from palpate.errors import StabilityError
-from palpate.metrics.loop_response import LoopResponse
+from palpate.metrics.loop_response import LoopResponse, rigid_device
 from palpate.scenario import Scenario
 from palpate.simulation.body_response import BodyResponse, HeldTip, MultirateResponse, body_response, multirate_response
 from palpate.simulation.controllers import build_controller
+from palpate.simulation.linear_contact import NORMALIZES
 from palpate.simulation.observed_run import observe
 
 __all__ = ["BodyLoopResponse", "body_loop_response"]
+
+MOST_LEFT = 0.02  # of the static stiffness: gain of what the measured response leaves out
 
 
 @dataclass(frozen=True)
@@ -24,16 +27,10 @@ class BodyLoopResponse(LoopResponse):
 
     Attributes:
         body: displacement of the tip (3,), m, to the force on the body (3,), N, sampled. Of a hyperelastic body it is
-            that of the local model.
-        normal: of the contact (3,), out of the body.
+            the static one, which the force reaches within some updates.
     """
 
     body: control.StateSpace = field(kw_only=True)
-    normal: Array = field(kw_only=True)
-
-    def directions(self) -> Array:
-        """Return the normal of the contact (1, 3)."""
-        return self.normal[None]
 
     def desired(self, frequency: Array) -> Complex:
         """Return the dynamic stiffness of the body, sampled (k, 3, 3), N/m; frequency in Hz."""
@@ -52,17 +49,13 @@ def body_loop_response(scenario: Scenario) -> BodyLoopResponse:
     """Return the loop of a scenario on a body, where its run rests.
 
     Raises:
-        StabilityError: the tip bounces or is off the body at the end of the run, the body's response does not decay, or
-            the device is the identified model, which has no motion between samples.
+        StabilityError: the tip bounces or is off the body at the end of the run, the body's response does not decay or
+            is not known to 2 %, or the device has a flexible mode or is the identified model.
         ScenarioError, DesignError, PoseError: as `palpate.simulate`.
     """
-    if scenario.device.model == "experimental":
-        raise StabilityError('device.model: "experimental" has no motion between samples; use "nonlinear"')
+    device = rigid_device(scenario)
     if scenario.controller.normalizes:
-        raise StabilityError(
-            "controller.normalize: it divides by the stiffness, and the law from a body's motion to the scaled forces "
-            "is not linear; judge and measure it on a spring, and run it on the body with palpate.simulate"
-        )
+        raise StabilityError(f"controller.normalize: {NORMALIZES}")
     run = observe(scenario)
     if not run.lasts:
         found = run.sentence[0].lower() + run.sentence[1:].rstrip(".")
@@ -74,13 +67,19 @@ def body_loop_response(scenario: Scenario) -> BodyLoopResponse:
     response: BodyResponse | MultirateResponse
     if held.multirate:
         response, none = multirate_response(held), np.zeros((0, 3))
-        system = control.StateSpace(np.zeros((0, 0)), none, none.T, response.local, scenario.period)
+        system = control.StateSpace(np.zeros((0, 0)), none, none.T, response.static, scenario.period)
     else:
         response = body_response(held)
         system = response.system
+        left, stiffness = float(response.error[0, 0]), abs(float(response.static[0, 0]))
+        if not left <= MOST_LEFT * stiffness:
+            raise StabilityError(
+                f"object.body: its response to small motions of the tip is known to {left:.2g} N/m only, of "
+                f"{stiffness:.3g} N/m: too little to measure; give more damping (rayleigh_beta), another tip, or a "
+                "retardation_time that is short against the run"
+            )
     frame, normal = held.frame, held.frame[:, 0]
     system = control.StateSpace(system.A, system.B @ frame.T, frame @ system.C, frame @ system.D @ frame.T, system.dt)
-    device = scenario.load_device()
     start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
     return BodyLoopResponse(
         device,

@@ -212,7 +212,10 @@ class _Way:
 def _ways(axis: TipAxis, period: float, delay: int) -> list[_Way]:
     """Return each way to render a wall; a deadbeat exit needs a loop without delay."""
     unit = axis.mass / period
-    exact = 2.0 * axis.damping / period
+    exact = (
+        2.0 * axis.damping / ((2 * delay + 1) * period)
+    )  # Minsky et al. 1990; a delay of n periods lags as (n + 1/2) T
+    over = "T" if delay == 0 else f"({2 * delay + 1} T)"
 
     def bound(coulomb: float) -> dict[str, Any]:
         return {"kind": "energy_bound", "damping": [axis.damping], "coulomb": [coulomb], "lateness": 0.0}
@@ -225,7 +228,7 @@ def _ways(axis: TipAxis, period: float, delay: int) -> list[_Way]:
         return {"kind": "sample_estimate_hold", "correction": correction}
 
     ways = [
-        _Way("no guard", f"stiffness up to 2 b/T = {exact:.4g} N/m"),
+        _Way("no guard", f"stiffness up to 2 b/{over} = {exact:.4g} N/m"),
         _Way("damper of 0.1 m/T", damping=0.1 * unit),
         _Way("damper of 0.4 m/T", damping=0.4 * unit),
         _Way("passivity controller, cap 0.1 m/T", guard={"kind": "passivity_controller", "cap": 0.1}),
@@ -252,9 +255,11 @@ def _ways(axis: TipAxis, period: float, delay: int) -> list[_Way]:
                 if axis.coulomb > 0.0
                 else []
             ),
-            _Way("virtual coupling of 2 b/T", sure, coupling=exact),
+            _Way(f"virtual coupling of 2 b/{over}", sure, coupling=exact),
             _Way(
-                "virtual coupling of 8 b/T (two-port)", "by the two-port alone, which is not exact", coupling=4 * exact
+                f"virtual coupling of 8 b/{over} (two-port)",
+                "by the two-port alone, which is not exact",
+                coupling=4 * exact,
             ),
         ]
     return [*ways, _Way("admittance display, workspace controller", "needs a force sensor", admittance=True)]

@@ -49,6 +49,19 @@ def arm_stiffness(arm: HumanArm, frequency: ArrayLike) -> Complex:
     return np.asarray(tissue * skeleton / (tissue + skeleton), dtype=complex)
 
 
+def rigid_device(scenario: Scenario) -> Device:
+    """Return the device of a scenario, whose frequency responses are those of a rigid one; raise StabilityError."""
+    device = scenario.load_device()
+    if device.flexible is not None:
+        raise StabilityError(
+            "device.rigid: the performance is that of a rigid device, and this one has a flexible mode: write rigid = "
+            "true to measure it without, or run the scenario, which has the mode"
+        )
+    if scenario.device.model == "experimental":
+        raise StabilityError('device.model: "experimental" has no motion between samples; use "nonlinear"')
+    return device
+
+
 @dataclass(frozen=True)
 class LoopResponse:
     """A device at rest in a pose, an object, and the servo between them, without operator.
@@ -62,6 +75,7 @@ class LoopResponse:
         stiffness: K (3, 3), N/m, of the object; damping: B (3, 3), N s/m.
         coupling: how the damper is sampled, "backward" or "bilinear"; "none": there is no damper.
         gravity_compensation: whether a constant force of the motors carries the weight.
+        normal: the only direction to measure (3,); None: each in which the object acts.
     """
 
     device: Device
@@ -73,28 +87,27 @@ class LoopResponse:
     damping: Array
     coupling: str = "backward"
     gravity_compensation: bool = True
+    normal: Array | None = None
 
     @classmethod
     def of(cls, scenario: Scenario, controller: Controller | None = None) -> LoopResponse:
         """Return the loop of a scenario at its start, in contact with the object; with another controller if given.
 
         Raises:
-            StabilityError: the object is no spring or wall, the loop has a guard, or the device is the identified
-                model, which has no motion between samples.
+            StabilityError: the object is no spring or wall, the loop has a guard, or the device has a flexible mode or
+                is the identified model, which has no motion between samples.
             ScenarioError, DesignError, PoseError: as ``palpate.simulate``.
         """
         require_linear_parts(scenario)
         o = scenario.object
         if o.stiffness is None:
             raise StabilityError(f'object.kind: "{o.kind}" has no stiffness; give a spring or a wall')
-        if scenario.device.model == "experimental":
-            raise StabilityError('device.model: "experimental" has no motion between samples; use "nonlinear"')
-        device = scenario.load_device()
+        device = rigid_device(scenario)
         start = scenario.start
         pose = device.inverse(start.tip) if start.tip is not None else np.array(start.pose, dtype=float)
         law = build_controller(scenario, device, pose) if controller is None else controller
         values = controlled_object(scenario, law)
-        if o.kind == "wall":
+        if o.normal is not None and o.kind in ("wall", "textured_wall"):
             normal = np.array(o.normal)
             along = (float(one[0]) if np.ptp(one) == 0.0 else float(normal**2 @ one) for one in values)
             k, b = (one * np.outer(normal, normal) for one in along)
@@ -115,6 +128,8 @@ class LoopResponse:
     @classmethod
     def on_mesh(cls, scenario: Scenario, trace: Trace) -> LoopResponse:
         """Return the loop of a scenario along the normal of its last contact with a mesh in a run.
+
+        Friction sticks there: the spring between tip and proxy acts along the surface too.
 
         Raises:
             StabilityError: the tip never touches the mesh in the run, or the device is the identified model.
@@ -137,10 +152,21 @@ class LoopResponse:
         at_wall = cls.of(
             Scenario.from_dict({**scenario.to_dict(), "object": wall}), build_controller(scenario, device, designed_at)
         )
-        return replace(at_wall, pose=np.asarray(trace["angle"][row], dtype=float))
+        normal, across = trace["normal"][row], 0.0
+        if float(surface.static_friction) > 0.0:
+            across = float(trace["surface_stiffness"][row, 0]) if surface.tangential is None else surface.tangential
+        along_surface = across * (np.eye(3) - np.outer(normal, normal))
+        return replace(
+            at_wall,
+            pose=np.asarray(trace["angle"][row], dtype=float),
+            stiffness=at_wall.stiffness + along_surface,
+            normal=normal,
+        )
 
     def directions(self) -> Array:
         """Return unit vectors (r, 3) along which the object acts and the device moves."""
+        if self.normal is not None:
+            return self.normal[None]
         reach = np.linalg.norm(self.device.jacobian(self.pose), axis=1)
         stiff = np.diag(self.stiffness) + np.diag(self.damping)
         if np.count_nonzero(self.stiffness - np.diag(np.diag(self.stiffness))):
@@ -171,8 +197,12 @@ class LoopResponse:
         back = hold_response(f, self.period)[:, None, None] * delayed * law @ samples
         return np.asarray(jacobian @ (forced + compliance @ back), dtype=complex)
 
-    def reference(self, frequency: ArrayLike) -> Complex:
+    def reference(self, frequency: ArrayLike, arm: HumanArm | None = None) -> Complex:
         """Return the object's force per reference force of a force-tracking loop, sampled, (k, 3, 3), N/N.
+
+        Args:
+            frequency: as for ``displacement``.
+            arm: operator at the tip; None: no operator.
 
         Raises:
             StabilityError: as ``displacement``.
@@ -182,7 +212,7 @@ class LoopResponse:
         jacobian, delayed = self.device.jacobian(self.pose), self._delay_factor(f)
         s = self.controller.system
         forward = _response(s.A, s.B[:, :3], s.C, s.D[:, :3], z)
-        sampled = self._sampled(f)
+        sampled = self._sampled(f, arm)
         driven = delayed * sampled @ (jacobian.T @ forward)
         compliance = np.linalg.solve(np.eye(self.device.dof) - delayed * sampled @ self._law(f, True), driven)
         return np.asarray(self._object(z) @ (jacobian @ compliance), dtype=complex)
@@ -224,9 +254,9 @@ class LoopResponse:
         a_q, a_v, a_t = self.device.linearization(self.pose, np.zeros(self.device.dof), self.device.gravity(self.pose))
         return np.asarray(np.linalg.solve(-(w**2) * np.eye(len(a_q)) - 1j * w * a_v - a_q, a_t.astype(complex)))
 
-    def _sampled(self, f: Array) -> Complex:
-        """Return R(z), sampled joint motion per held torque (k, dof, dof)."""
-        a, b, c = (m[0] for m in sampled_plants(self.device, self.pose[None], None, np.zeros(3), self.period))
+    def _sampled(self, f: Array, arm: HumanArm | None = None) -> Complex:
+        """Return R(z), sampled joint motion per held torque (k, dof, dof), with an operator's arm if given."""
+        a, b, c = (m[0] for m in sampled_plants(self.device, self.pose[None], arm, np.zeros(3), self.period))
         return _response(a, b, c, np.zeros((len(c), b.shape[1])), np.exp(2j * np.pi * f * self.period))
 
     def _object(self, z: Complex) -> Complex:

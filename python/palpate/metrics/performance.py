@@ -224,8 +224,8 @@ def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerfor
     def felt(at: Array) -> Array:
         return np.asarray((1 / (n @ loop.displacement(at) @ n)).real, dtype=float)
 
-    display = s.servo.topology == "impedance_display"
-    transfer = loop.transmitted(f, scenario_arm(s) or DEFAULT_ARM, n) if display else n @ loop.reference(f) @ n
+    display, arm = s.servo.topology == "impedance_display", scenario_arm(s)
+    transfer = loop.transmitted(f, arm or DEFAULT_ARM, n) if display else n @ loop.reference(f, arm) @ n
     gain = np.abs(transfer)
     static = _static_stiffness(loop, n)
     return DirectionalPerformance(
@@ -235,7 +235,7 @@ def _directional(loop: LoopResponse, n: Array, s: Scenario) -> DirectionalPerfor
         _transparent_up_to(f, deviation),
         rate_hardness(loop, n) if display and loop.coupling == "backward" else float("nan"),
         _bandwidth(f, gain),
-        _precision(loop, n, static if display else None),
+        _precision(loop, n, static if display else None, arm),
     )  # fmt: skip
 
 
@@ -279,10 +279,13 @@ def _static_stiffness(loop: LoopResponse, n: Array) -> float:
     return float("inf") if abs(slower) > 1.5 * abs(slow) else float(slower.real)
 
 
-def _precision(loop: LoopResponse, n: Array, static: float | None) -> float:
-    """Return the relative error of a static stiffness, N/m, or of the tracked force if it is None; nan: of a damper."""
+def _precision(loop: LoopResponse, n: Array, static: float | None, arm: HumanArm | None = None) -> float:
+    """Return the relative error of a static stiffness, N/m, or of the tracked force if it is None; nan: of a damper.
+
+    An arm holds a part of the tracked force.
+    """
     if static is None:
-        return abs(float((n @ loop.reference([1e-3])[0] @ n).real) - 1.0)
+        return abs(float((n @ loop.reference([1e-3], arm)[0] @ n).real) - 1.0)
     desired = float((n @ loop.desired(np.array([1e-3]))[0] @ n).real)
     return abs(static / desired - 1.0) if desired != 0.0 else float("nan")
 

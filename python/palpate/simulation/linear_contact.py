@@ -21,6 +21,10 @@ from palpate.simulation.recorded import Recorded
 
 __all__ = ["contact_radius"]
 
+NORMALIZES = (
+    "it divides by the stiffness, and the law from a body's motion to the scaled forces is not linear; judge and "
+    "measure it on a spring, and run it on the body with palpate.simulate"
+)
 SLOW = 4.0 * np.pi  # rad/s: slower motions of modulus 1 or more are drifts along the surface
 MARGINAL = 1e-9  # distance of a modulus from 1 that is rounding
 ASYMMETRY = 0.01  # of a body's responses to opposite displacements, above which its linear loop is not known

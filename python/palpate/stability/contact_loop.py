@@ -19,6 +19,7 @@ from palpate.simulation.body_response.held_tip import HeldTip
 from palpate.simulation.body_response.multirate import MultirateResponse, multirate_response
 from palpate.simulation.body_response.response import BodyResponse, body_response
 from palpate.simulation.controllers import build_controller
+from palpate.simulation.linear_contact import NORMALIZES
 from palpate.simulation.linear_loop import ScenarioLoop, require_linear_parts, scenario_loop
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
@@ -182,10 +183,7 @@ def device_loop(
     start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
     law = build_controller(scenario, device, start) if controller is None else controller
     if law.design_stiffness is not None:
-        raise StabilityError(
-            "controller.normalize: it divides by the stiffness, and the law from a body's motion to the scaled forces "
-            "is not linear; judge and measure it on a spring, and run it on the body with palpate.simulate"
-        )
+        raise StabilityError(f"controller.normalize: {NORMALIZES}")
     placeholder: dict[str, Any] = {"kind": "spring", "stiffness": ["1 N/m"] * 3}
     if not across:
         placeholder = {"kind": "wall", "stiffness": "1 N/m", "normal": normal.tolist()}

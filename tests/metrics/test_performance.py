@@ -525,11 +525,12 @@ def test_a_motion_slower_than_a_ripple_is_none(slow: float) -> None:
     assert beside.ratio == pytest.approx(5.0, rel=0.02)
 
 
-@pytest.mark.parametrize(("length", "first"), [(80, 70), (10, 7), (7, 3)])
-def test_the_ripple_is_that_of_the_quietest_half_second_in_contact(
-    length: int, first: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("length", [80, 10, 7])
+@pytest.mark.parametrize("lifted", [True, False])
+def test_the_ripple_is_that_of_the_last_half_second_in_contact(
+    length: int, lifted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Windows begin an eighth of their length apart, or at every sample; one off its object does not count."""
+    """A quieter one before does not count, nor does one in which the tip leaves its object."""
     seen: list[Any] = []
     monkeypatch.setattr(performance, "ripple", lambda tip, period: seen.append((tip, period)) or "the ripple")
     rng = np.random.default_rng(0)
@@ -537,10 +538,11 @@ def test_the_ripple_is_that_of_the_quietest_half_second_in_contact(
         period=0.5 / length / 2, run=SimpleNamespace(record_every=2), device=SimpleNamespace(encoder=True)
     )
     tip = rng.normal(size=(4 * length, 3))
-    tip[first : first + length] *= 0.1
-    tip[3 * length - length // 2 :] *= 0.01  # off the object
-    touching = np.ones((len(tip), 1))
-    touching[3 * length - length // 2 :: 3] = 0.0
+    tip[:length] *= 0.1
+    touching, end = np.ones((len(tip), 1)), len(tip)
+    if lifted:
+        end = 3 * length - length // 2
+        touching[end::3] = 0.0
     trace: Any = {"tip": tip, "touching": touching}
     run = SimpleNamespace(
         completed=True, verdict=SimpleNamespace(state=State.SETTLED, reason="it swings"), __getitem__=None,
@@ -552,7 +554,7 @@ def test_the_ripple_is_that_of_the_quietest_half_second_in_contact(
             return getattr(run, name)
 
     assert performance._ripple(scenario, Run(trace)) == ("the ripple", "the ripple")
-    np.testing.assert_array_equal(seen[0][0], tip[first : first + length])
+    np.testing.assert_array_equal(seen[0][0], tip[end - length : end])
     assert seen[0][1] == pytest.approx(0.5 / length)
     scenario.device.encoder = False
     assert performance._ripple(scenario, Run(trace))[1] == (

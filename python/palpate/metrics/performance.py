@@ -84,8 +84,8 @@ class Performance:
         topology: "impedance_display" or "force_tracking".
         hold_bandwidth: -3 dB frequency of the hold alone (clamped tip), Hz.
         along: performance along each direction of the object.
-        ripple: ripple of the tip in the half second of contact with the least motion; None: the run is unstable, or
-            the contact is too short.
+        ripple: ripple of the tip in the last half second of contact; None: the run is unstable, or the contact is too
+            short.
         remark: the ripple in words.
         device: measures of the device itself at that pose, as its file gives them.
         assumed_arm: arm that the force bandwidth of an impedance display assumes, as the scenario has none; else None.
@@ -298,14 +298,9 @@ def _ripple(s: Scenario, trace: Trace) -> tuple[Ripple | None, str]:
     period = s.period * s.run.record_every
     tip, touching = trace["tip"], trace["touching"][:, 0] > 0
     length = math.ceil(RIPPLE_WINDOW / period)
-    best: tuple[float, Array] | None = None
-    for first in range(0, len(tip) - length, max(length // 8, 1)):
-        part = slice(first, first + length)
-        motion = float(np.ptp(tip[part], axis=0).max())
-        if touching[part].all() and (best is None or motion < best[0]):
-            best = motion, tip[part]
-    if best is None:
+    last = next((end for end in range(len(tip), length - 1, -1) if touching[end - length : end].all()), None)
+    if last is None:
         return None, f"The contact is shorter than {RIPPLE_WINDOW:g} s: too short to measure the ripple."
-    found = ripple(best[1], period)
+    found = ripple(tip[last - length : last], period)
     counts = "" if s.device.encoder else " Encoder counts, the main cause of ripple, are switched off (device.encoder)."
     return found, f"{found}{counts}"

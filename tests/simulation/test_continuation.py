@@ -13,7 +13,7 @@ from palpate import fem
 from palpate.metrics import summarize
 from palpate.scenario import Scenario
 from palpate.simulation import build_simulation
-from palpate.simulation.continuation import LATER, resting_window, way_on
+from palpate.simulation.continuation import LATER, durations_on, resting_window, way_on
 from palpate.simulation.evidence import evidence
 from palpate.simulation.judgment import judge
 from palpate.simulation.trace import Trace
@@ -190,6 +190,14 @@ def test_a_verdict_states_the_way_on_from_a_tenth_of_the_band_on(block: Path) ->
             else:
                 far = told.format(way=1e3 * way)
                 assert f"the tip moves on {far} in 12 more durations of the run" in text
+
+
+def test_a_hyperelastic_body_goes_on_for_four_durations_and_others_for_twelve(block: Path) -> None:
+    for kind, durations in (("compliance", LATER), ("viscoelastic", LATER), ("neo-hookean", 4), ("corotational", 4)):
+        tables = press(block)
+        body = {**tables["object"]["body"], "kind": kind}
+        body |= {"instantaneous_ratio": 2.0, "retardation_time": "20 ms"} if kind == "viscoelastic" else {}
+        assert durations_on(Scenario.from_dict(press(block, object={**tables["object"], "body": body}))) == durations
 
 
 def test_a_run_on_a_mesh_with_friction_goes_on_too(block: Path) -> None:

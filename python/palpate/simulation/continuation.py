@@ -7,6 +7,8 @@ from typing import Final
 import numpy as np
 
 from palpate.arrays import Array
+from palpate.scenario import Scenario
+from palpate.scenario.body import LARGE
 from palpate.simulation.energy_balance import own_motions
 from palpate.simulation.evidence import evidence
 from palpate.simulation.friction_hold import friction_of
@@ -16,10 +18,17 @@ from palpate.simulation.verdict import band_of
 from palpate.simulation.windows import Window, windows
 
 LATER: Final = 12  # durations of the run for which it goes on
+LATER_SLOW: Final = 4  # the same of a hyperelastic body, whose updates take long
 FAR: Final = 1.0  # m
 SHIFTS: Final = 0.1  # of the band of rest: way on that is stated
 
-__all__ = ["LATER", "moves_on", "resting_window", "way_on"]
+__all__ = ["LATER", "LATER_SLOW", "durations_on", "moves_on", "resting_window", "way_on"]
+
+
+def durations_on(scenario: Scenario) -> int:
+    """Return for how many durations of its run a scenario goes on."""
+    bodies = [one.object.body for one in scenario.each_object.values() if one.object.body is not None]
+    return LATER_SLOW if any(body.kind in LARGE for body in bodies) else LATER
 
 
 def moves_on(trace: Recorded) -> str | None:
@@ -28,7 +37,7 @@ def moves_on(trace: Recorded) -> str | None:
     if continued is None or continued["moved_m"] <= SHIFTS * continued.get("band_m", np.inf):
         return None
     far = "without limit" if continued["moved_m"] > FAR else f"by {1e3 * continued['moved_m']:.2g} mm"
-    return f"the tip moves on {far} in {LATER} more durations of the run"
+    return f"the tip moves on {far} in {continued['durations']} more durations of the run"
 
 
 def resting_window(trace: Recorded) -> tuple[Window, float] | None:

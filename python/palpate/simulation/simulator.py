@@ -21,7 +21,7 @@ from palpate.errors import DesignError, ScenarioError
 from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Object, Scenario
 from palpate.scenario.tool import Tool
-from palpate.simulation.continuation import LATER, resting_window, way_on
+from palpate.simulation.continuation import durations_on, resting_window, way_on
 from palpate.simulation.controllers import build_law, read_scenario, written_out
 from palpate.simulation.force_objects import with_law
 from palpate.simulation.guards import guard_numbers, set_guard
@@ -155,7 +155,8 @@ class Simulation:
 
         The run is repeated for so much longer, without the limits of the drive, whose windings would warm up meanwhile.
         """
-        more = LATER * (len(self.reference) - 1)
+        durations = durations_on(self.scenario)
+        more = durations * (len(self.reference) - 1)
         if isinstance(self.controller, PythonController) or len(self.reference) + more > MOST_TICKS:
             return trace
         rest = resting_window(trace)
@@ -170,7 +171,7 @@ class Simulation:
         finally:
             _limit(self.setup, self.device, self.scenario.device.saturation)
         moved = way_on(held_tip(longer.trace(rows, unstable_tick)), window) if unstable_tick < 0 else BEYOND
-        found = {"duration_s": more * self.scenario.period, "moved_m": moved, "band_m": band}
+        found = {"durations": durations, "duration_s": more * self.scenario.period, "moved_m": moved, "band_m": band}
         return replace(trace, metadata={**trace.metadata, "continued": found})
 
     def run(self) -> tuple[Array, int]:

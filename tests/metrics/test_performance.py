@@ -207,6 +207,16 @@ def test_a_tip_that_sticks_to_a_mesh_meets_the_spring_of_its_proxy_in_all_direct
             assert pushed / moved == pytest.approx(1.0 / (n @ loop.displacement([4.0])[0] @ n), rel=0.02)
 
 
+def test_the_desired_stiffness_is_that_of_the_object_and_not_of_the_design() -> None:
+    """A normalized controller sees its design stiffness; transparency is about the object."""
+    tables = Scenario.from_file(SCENARIOS / "press-stiff-cube-lqg.toml").to_dict()
+    controller = {**tables["controller"], "stiffness": "1 N/mm", "normalize": True}
+    spring = {"kind": "spring", "stiffness": "0.55 N/mm", "damping": "1 N*s/m"}
+    loop = response({**tables, "controller": controller, "object": spring})
+    np.testing.assert_allclose(loop.stiffness, 1000.0 * np.eye(3))
+    np.testing.assert_allclose(loop.desired(np.array([2.0]))[0], (550.0 + 4j * np.pi) * np.eye(3))
+
+
 def test_a_device_with_a_flexible_mode_is_refused(tmp_path: Path) -> None:
     """The frequency responses are those of a rigid device."""
     tables = slider("80 N/m")
@@ -460,7 +470,7 @@ def test_the_dynamic_stiffness_of_an_object_is_that_of_its_spring_and_damper() -
     """K + j 2 pi f B, and its directions are those in which it acts and the device moves."""
     stiffness, damping = np.diag([1000.0, 0.0, 500.0]), np.diag([2.0, 0.0, 0.0])
     device = SimpleNamespace(jacobian=lambda _: np.diag([0.1, 0.1, 0.0]))
-    loop: Any = SimpleNamespace(stiffness=stiffness, damping=damping, device=device, pose=None, normal=None)
+    loop: Any = SimpleNamespace(stiffness=stiffness, damping=damping, device=device, pose=None, normal=None, own=None)
     found = LoopResponse.desired(loop, np.array([1.0, 30.0]))
     assert found.shape == (2, 3, 3)
     np.testing.assert_allclose(found[1], stiffness + 60j * np.pi * damping)
@@ -843,7 +853,9 @@ def test_a_soft_object_and_a_damper_alone_act_in_their_directions() -> None:
     equal = {**soft, "damping": ["0.5 N*s/m", "0.2 N*s/m", "0 N*s/m"]}
     np.testing.assert_array_equal(response({**tables, "object": equal}).directions(), np.eye(3)[:2])
     device = SimpleNamespace(jacobian=lambda _: np.diag([1e-9, 2e-10, 1e-19]))
-    small: Any = SimpleNamespace(stiffness=np.eye(3), damping=0 * np.eye(3), device=device, pose=None, normal=None)
+    small: Any = SimpleNamespace(
+        stiffness=np.eye(3), damping=0 * np.eye(3), device=device, pose=None, normal=None, own=None
+    )
     np.testing.assert_array_equal(LoopResponse.directions(small), np.eye(3)[:2])
     small.device = SimpleNamespace(jacobian=lambda _: np.diag([1e-9, 2e-10, 1.5e-18]))
     np.testing.assert_array_equal(LoopResponse.directions(small), np.eye(3))

@@ -24,7 +24,7 @@ from palpate.errors import StabilityError
 from palpate.linear.linear_device import HumanArm
 from palpate.linear.linearization import static_tip_force
 from palpate.linear.sampled_loop import sampled_plants
-from palpate.scenario import Scenario
+from palpate.scenario import Object, Scenario
 from palpate.simulation.controllers import build_controller
 from palpate.simulation.linear_loop import controlled_object, require_linear_parts
 from palpate.simulation.trace import Trace
@@ -62,6 +62,15 @@ def rigid_device(scenario: Scenario) -> Device:
     return device
 
 
+def _acting(o: Object, values: Array) -> Array:
+    """Return the matrix (3, 3) of stiffnesses or dampings per axis (3,) of an object; a wall acts along its normal."""
+    if o.normal is None or o.kind not in ("wall", "textured_wall"):
+        return np.diag(values)
+    normal = np.array(o.normal)
+    along = float(values[0]) if np.ptp(values) == 0.0 else float(normal**2 @ values)
+    return along * np.outer(normal, normal)
+
+
 @dataclass(frozen=True)
 class LoopResponse:
     """A device at rest in a pose, an object, and the servo between them, without operator.
@@ -72,10 +81,11 @@ class LoopResponse:
         controller: the controller.
         period: T, s.
         delay: n, samples.
-        stiffness: K (3, 3), N/m, of the object; damping: B (3, 3), N s/m.
+        stiffness: K (3, 3), N/m, of the object as the controller sees it; damping: B (3, 3), N s/m.
         coupling: how the damper is sampled, "backward" or "bilinear"; "none": there is no damper.
         gravity_compensation: whether a constant force of the motors carries the weight.
         normal: the only direction to measure (3,); None: each in which the object acts.
+        own: K and B of the object itself, which a controller that divides by the stiffness sees scaled; None: as above.
     """
 
     device: Device
@@ -88,6 +98,7 @@ class LoopResponse:
     coupling: str = "backward"
     gravity_compensation: bool = True
     normal: Array | None = None
+    own: tuple[Array, Array] | None = None
 
     @classmethod
     def of(cls, scenario: Scenario, controller: Controller | None = None) -> LoopResponse:
@@ -106,13 +117,8 @@ class LoopResponse:
         start = scenario.start
         pose = device.inverse(start.tip) if start.tip is not None else np.array(start.pose, dtype=float)
         law = build_controller(scenario, device, pose) if controller is None else controller
-        values = controlled_object(scenario, law)
-        if o.normal is not None and o.kind in ("wall", "textured_wall"):
-            normal = np.array(o.normal)
-            along = (float(one[0]) if np.ptp(one) == 0.0 else float(normal**2 @ one) for one in values)
-            k, b = (one * np.outer(normal, normal) for one in along)
-        else:
-            k, b = (np.diag(one) for one in values)
+        k, b = (_acting(o, one) for one in controlled_object(scenario, law))
+        own = _acting(o, np.asarray(o.stiffness, dtype=float)), _acting(o, np.asarray(o.damping, dtype=float))
         return cls(
             device,
             pose,
@@ -123,6 +129,7 @@ class LoopResponse:
             b,
             o.coupling,
             scenario.servo.gravity_compensation,
+            own=own,
         )
 
     @classmethod
@@ -156,11 +163,15 @@ class LoopResponse:
         if float(surface.static_friction) > 0.0:
             across = float(trace["surface_stiffness"][row, 0]) if surface.tangential is None else surface.tangential
         along_surface = across * (np.eye(3) - np.outer(normal, normal))
+        assert at_wall.own is not None
+        own, damper = at_wall.own
+        seen = float(normal @ at_wall.stiffness @ normal) / max(float(normal @ own @ normal), 1e-300)
         return replace(
             at_wall,
             pose=np.asarray(trace["angle"][row], dtype=float),
-            stiffness=at_wall.stiffness + along_surface,
+            stiffness=at_wall.stiffness + seen * along_surface,
             normal=normal,
+            own=(own + along_surface, damper),
         )
 
     def directions(self) -> Array:
@@ -177,7 +188,8 @@ class LoopResponse:
     def desired(self, frequency: Array) -> Complex:
         """Return the dynamic stiffness of the object (k, 3, 3), N/m; frequency in Hz."""
         w = (2 * np.pi * frequency)[:, None, None]
-        return np.asarray(self.stiffness + 1j * w * self.damping, dtype=complex)
+        stiffness, damping = (self.stiffness, self.damping) if self.own is None else self.own
+        return np.asarray(stiffness + 1j * w * damping, dtype=complex)
 
     def displacement(self, frequency: ArrayLike, object_on: bool = True) -> Complex:
         """Return tip motion per force of the operator, (k, 3, 3), m/N.

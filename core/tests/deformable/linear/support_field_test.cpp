@@ -1,9 +1,10 @@
-// Supports that change on a standard linear solid: integration of its equations in time, dense, and the energy account.
+// Supports that change on a standard linear solid: its equations integrated in time, dense, and the energy account.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 #include <cmath>
 #include <cstdint>
+#include <palpate/deformable/linear/support_field.hpp>
 #include <palpate/object/supported_body.hpp>
 #include <vector>
 
@@ -87,7 +88,7 @@ SupportNodes only_touched_near(double x) {
   return nodes;
 }
 
-TEST(SupportedSolid, ObeysItsEquationsWithPrescribedDisplacementsOverAnyChanges) {
+TEST(SupportField, ObeysItsEquationsWithPrescribedDisplacementsOverAnyChanges) {
   const std::vector<Change> changes{{0, free()},
                                     {20, held_beyond(3e-3)},
                                     {45, free()},
@@ -123,7 +124,7 @@ TEST(SupportedSolid, ObeysItsEquationsWithPrescribedDisplacementsOverAnyChanges)
   EXPECT_GT(most_held, 0.1 * most_energy);
 }
 
-TEST(SupportedSolid, AGraspUnderATipChangesNeitherForceNorEnergyNorDisplacement) {
+TEST(SupportField, AGraspUnderATipChangesNeitherForceNorEnergyNorDisplacement) {
   for (const double mu : {0.0, 0.5}) {
     const auto body = make_relaxing({{0, free()}, {60, held_beyond(5e-3)}}, mu), plain = make_relaxing({{0, free()}}, mu);
     for (int k = 0; k <= 60; ++k)
@@ -136,7 +137,7 @@ TEST(SupportedSolid, AGraspUnderATipChangesNeitherForceNorEnergyNorDisplacement)
   }
 }
 
-TEST(SupportedSolid, AGraspedBodyRelaxesToTheElasticOne) {
+TEST(SupportField, AGraspedBodyRelaxesToTheElasticOne) {
   const auto relaxing = make_relaxing({{0, free()}, {500, held_beyond(3e-3)}}),
              elastic = make<SignedDistancePhase>({{0, free()}, {500, held_beyond(3e-3)}});
   for (int k = 0; k < 1000; ++k)
@@ -146,7 +147,7 @@ TEST(SupportedSolid, AGraspedBodyRelaxesToTheElasticOne) {
   EXPECT_NEAR(relaxing->last().energy, elastic->last().energy, 1e-3 * elastic->last().energy);
 }
 
-TEST(SupportedSolid, ADentThatWasHeldFillsSlowlyAfterItsRelease) {
+TEST(SupportField, ADentThatWasHeldFillsSlowlyAfterItsRelease) {
   // Held for long, the dent has crept in; released, it fills with the retardation time, and a tip meets it meanwhile.
   const SupportNodes around_tip = around(0.0, 0.0, 5e-3);
   const auto body = make_relaxing({{0, free()}, {100, around_tip}, {600, free()}});
@@ -168,7 +169,7 @@ TEST(SupportedSolid, ADentThatWasHeldFillsSlowlyAfterItsRelease) {
   EXPECT_TRUE(body->step(sphere(0.6e-3)).touching);
 }
 
-TEST(SupportedSolid, APathOverGraspAndReleaseExtractsNoEnergy) {
+TEST(SupportField, APathOverGraspAndReleaseExtractsNoEnergy) {
   const SupportNodes side = held_beyond(2e-3);
   for (const double sideways : {1.0, 0.65})
     for (const auto& [first, second] : {std::pair<int, int>{50, 150}, {150, 380}, {20, 320}, {250, 330}}) {
@@ -190,7 +191,7 @@ TEST(SupportedSolid, APathOverGraspAndReleaseExtractsNoEnergy) {
     }
 }
 
-TEST(SupportedSolid, ACopyAtRestAndAResetBodyRepeatTheRun) {
+TEST(SupportField, ACopyAtRestAndAResetBodyRepeatTheRun) {
   const auto body = make_relaxing({{0, free()}, {10, held_beyond(3e-3)}, {25, free()}});
   const auto copy = body->clone_at_rest();
   std::vector<Vector3<>> forces;

@@ -50,6 +50,14 @@ def findings(
 STABLE, UNSTABLE, DOUBTFUL = contact(0.9), contact(1.1), contact(0.9, doubt=1.2)
 
 
+def test_a_response_that_is_not_known_states_no_stiffness_and_no_margin() -> None:
+    """Only where it leaves the verdict undecided."""
+    assert set(_margins(findings(DOUBTFUL, run()))) == {"depth_m", "response_error_over_tolerable"}
+    assert "stiffness" not in _verdict(findings(DOUBTFUL, run())).reason
+    known = {"spectral_radius", "static_stiffness_N_per_m", "one_tick_stiffness_N_per_m"}
+    assert known <= set(_margins(findings(STABLE, run()))) & set(_margins(findings(UNSTABLE, run())))
+
+
 def test_the_loop_is_stable_if_and_only_if_every_finding_is() -> None:
     """Every state of the run, lasting or not, against each kind of contact at rest and at other depths."""
     for state in State:

@@ -237,10 +237,11 @@ def _oscillates(loop: BodyLoop | MultirateLoop) -> bool:
 
 def _about(one: ContactStability) -> str:
     """Return a contact's stability as a sentence."""
-    where = f"at {1e3 * one.depth:.3g} mm, where the body's stiffness is {one.static_stiffness / 1e3:.4g} N/mm"
+    where = f"at {1e3 * one.depth:.3g} mm"
+    if one.state is State.UNDECIDED and not one.doubt < 1.0:
+        return f"{where} the error of the body's response is {one.doubt:.2g} times what the loop tolerates."
+    where += f", where the body's stiffness is {one.static_stiffness / 1e3:.4g} N/mm"
     if one.state is State.UNDECIDED:
-        if not one.doubt < 1.0:
-            return f"{where}, the error of the body's response is {one.doubt:.2g} times what the loop tolerates."
         return f"{where}, the criteria disagree (spectral radius 1 {one.radius - 1.0:+.1e})."
     motion = "decay" if one.stable else "grow"
     return f"small motions {motion} {where} (spectral radius {one.radius:.6g})."
@@ -250,12 +251,13 @@ def _margins(found: _Findings) -> dict[str, float]:
     rest = found.rest
     if rest is None:
         return {}
-    margin = {
+    margin = {"depth_m": rest.depth, "response_error_over_tolerable": rest.doubt}
+    if rest.state is State.UNDECIDED and not rest.doubt < 1.0:  # the numbers of an unknown response are none
+        return margin
+    margin |= {
         "spectral_radius": rest.radius,
-        "depth_m": rest.depth,
         "static_stiffness_N_per_m": rest.static_stiffness,
         "one_tick_stiffness_N_per_m": rest.one_tick_stiffness,
-        "response_error_over_tolerable": rest.doubt,
     }
     if rest.radius >= 1.0:
         return margin

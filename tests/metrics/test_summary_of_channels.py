@@ -334,6 +334,11 @@ def test_a_run_on_a_body_tells_what_it_pressed(
     deep = made(None, first, contact_nodes=np.ones(N), object_force=largest)
     began = "; it began 0.5 mm deep in the body; check object.position and the unit of its file"
     assert summarize(deep)["verdict"].endswith(began)
+    monkeypatch.setattr(summary, "tip_depths", lambda _: np.full(N, 2e-3))
+    solved = np.ones(N)
+    solved[0] = 0.0  # the deflection of this sample is not known
+    lost = made(None, first, contact_nodes=np.ones(N), object_force=largest, solved=solved)
+    assert summarize(lost)["verdict"].endswith(began.replace("0.5 mm", "2 mm"))
     off = np.ones(N)
     off[0] = 0.0
     apart = made(None, np.full((N, 3), 1e-3), contact_nodes=np.ones(N), object_force=largest, touching=off)

@@ -14,6 +14,7 @@ from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metric
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
 from palpate.scenario.signal import Signal
+from palpate.simulation.bodies import tip_depths
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.drive_hold import drive_hold, motor_load
 from palpate.simulation.energy_balance import energy_balance
@@ -257,8 +258,17 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         text += "converged"
     if found.contact_lost:
         text += f"; in {_samples(found.contact_lost)} the contact was lost: the tip was pushed through the body"
-    began = float(np.linalg.norm(trace["deflection"][0])) if trace["touching"][0, 0] else 0.0
-    return [text, *_began(began, "body")]
+    return [text, *_began(_initial_depth(trace), "body")]
+
+
+def _initial_depth(trace: Trace) -> float:
+    """Return how far a body is pressed in at the first sample, m, or how deep the tip is if its force was not found."""
+    if not trace["touching"][0, 0]:
+        return 0.0
+    unsolved = "solved" in trace and not trace["solved"][0, 0]
+    if unsolved and (below := tip_depths(trace)) is not None:
+        return float(below[0])
+    return float(np.linalg.norm(trace["deflection"][0]))
 
 
 def _samples(count: int) -> str:

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -91,6 +94,19 @@ std::unique_ptr<SupportedBody<Phase>> make(std::vector<Change> changes) {
 /// A sphere at depth `deep` [m] over `x`, `y` [m].
 inline Tip sphere(double deep, double x = 0.0, double y = 0.0) {
   return {.kind = Tip::Kind::sphere, .radius = radius, .center = {x, y, radius - deep}};
+}
+
+/// Check that a reset body and a copy at rest repeat a run of `ticks` steps in every bit.
+inline void expect_repeats(BodyWithSupports& body, int ticks) {
+  const auto tip = [](int k) { return sphere(1e-3 * std::sin(0.1 * k)); };
+  const auto copy = body.clone_at_rest();
+  std::vector<Vector3<>> forces;
+  for (int k = 0; k < ticks; ++k) forces.push_back(body.step(tip(k)).force);
+  body.reset();
+  for (int k = 0; k < ticks; ++k) {
+    EXPECT_EQ(body.step(tip(k)).force, forces[static_cast<std::size_t>(k)]);
+    EXPECT_EQ(copy->step(tip(k)).force, forces[static_cast<std::size_t>(k)]);
+  }
 }
 
 }  // namespace supported_bodies

@@ -192,16 +192,7 @@ TEST(SupportField, APathOverGraspAndReleaseExtractsNoEnergy) {
 }
 
 TEST(SupportField, ACopyAtRestAndAResetBodyRepeatTheRun) {
-  const auto body = make_relaxing({{0, free()}, {10, held_beyond(3e-3)}, {25, free()}});
-  const auto copy = body->clone_at_rest();
-  std::vector<Vector3<>> forces;
-  for (int k = 0; k < 60; ++k) forces.push_back(body->step(sphere(1e-3 * std::sin(0.1 * k))).force);
-  body->reset();
-  for (int k = 0; k < 60; ++k) {
-    const Tip tip = sphere(1e-3 * std::sin(0.1 * k));
-    EXPECT_EQ(body->step(tip).force, forces[static_cast<std::size_t>(k)]);
-    EXPECT_EQ(copy->step(tip).force, forces[static_cast<std::size_t>(k)]);
-  }
+  expect_repeats(*make_relaxing({{0, free()}, {10, held_beyond(3e-3)}, {25, free()}}), 60);
 }
 
 }  // namespace

@@ -86,12 +86,11 @@ class Body(IndentableBody):
     ) -> Self:
         """Return the same body with supports and touchable nodes that change at times after rest.
 
-        Held nodes stay where they are when they are grasped. A grasp changes neither force nor energy; after a release
+        Held nodes stay where they are when they are grasped. A grasp changes neither force nor energy. After a release
         an elastic body is in its new equilibrium at once, `viscoelastic` creeps there, and the energy of the constraint
-        is lost. A node that becomes
-        touchable while the tip overlaps it is touched once the tip has been clear of it. See
-        docs/theory/deformable-models.md. `simulate_path` and a servo loop follow the changes; `indent` gives the force
-        before the first one.
+        is lost. A node that becomes touchable while the tip overlaps it is touched once the tip has been clear of it.
+        See docs/theory/deformable-models.md. `simulate_path` and a servo loop follow the changes; `indent` gives the
+        force before the first one.
 
         Args:
             changes: in the order of time, each with `at` (s or text), and regions `held`, `touchable` or both

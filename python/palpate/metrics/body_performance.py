@@ -49,8 +49,8 @@ def body_loop_response(scenario: Scenario) -> BodyLoopResponse:
     """Return the loop of a scenario on a body, where its run rests.
 
     Raises:
-        StabilityError: the tip bounces or is off the body at the end of the run, the body's response does not decay or
-            is not known to 2 %, or the device has a flexible mode or is the identified model.
+        StabilityError: the tip bounces or is off the body at the end of the run. The body's response does not decay, or
+            is not known to 2 %. The device has a flexible mode, or is the identified model.
         ScenarioError, DesignError, PoseError: as `palpate.simulate`.
     """
     device = rigid_device(scenario)

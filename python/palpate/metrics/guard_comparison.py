@@ -212,9 +212,7 @@ class _Way:
 def _ways(axis: TipAxis, period: float, delay: int) -> list[_Way]:
     """Return each way to render a wall; a deadbeat exit needs a loop without delay."""
     unit = axis.mass / period
-    exact = (
-        2.0 * axis.damping / ((2 * delay + 1) * period)
-    )  # Minsky et al. 1990; a delay of n periods lags as (n + 1/2) T
+    exact = 2.0 * axis.damping / ((2 * delay + 1) * period)  # Colgate & Schenkel 1997, of a spring behind the delay
     over = "T" if delay == 0 else f"({2 * delay + 1} T)"
 
     def bound(coulomb: float) -> dict[str, Any]:

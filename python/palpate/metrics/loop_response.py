@@ -136,10 +136,11 @@ class LoopResponse:
     def on_mesh(cls, scenario: Scenario, trace: Trace) -> LoopResponse:
         """Return the loop of a scenario along the normal of its last contact with a mesh in a run.
 
-        Friction sticks there: the spring between tip and proxy acts along the surface too.
+        Friction is taken to stick there: the spring between tip and proxy acts along the surface too.
 
         Raises:
-            StabilityError: the tip never touches the mesh in the run, or the device is the identified model.
+            StabilityError: the tip never touches the mesh in the run, or the device has a flexible mode or is the
+                identified model.
         """
         touching = np.flatnonzero(trace["touching"][:, 0] > 0.0)
         if touching.size == 0:

@@ -22,7 +22,7 @@ LATER_SLOW: Final = 4  # the same of a hyperelastic body, whose updates take lon
 FAR: Final = 1.0  # m
 SHIFTS: Final = 0.1  # of the band of rest: way on that is stated
 
-__all__ = ["LATER", "LATER_SLOW", "durations_on", "moves_on", "resting_window", "way_on"]
+__all__ = ["LATER", "durations_on", "moves_on", "resting_window", "way_on"]
 
 
 def durations_on(scenario: Scenario) -> int:

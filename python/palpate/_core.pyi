@@ -155,9 +155,9 @@ class SignedDistanceBody(DeformableBody):
         Return the parts of the forces across the normals that load the body, at the contact nodes of the last step (n, 3), N.
         """
 
-    def simulate_tips(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], axes: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lengths: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], rims: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
+    def simulate_tips(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], axes: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], lengths: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> NDArray[numpy.float64]:
         """
-        Step all tips along their paths `centers` (m, tips, 3). A tip is a capsule of a length, or a cylinder where its rim is positive. Return rows as `simulate_path` for each step and tip (m, tips, 15).
+        Step all tips along their paths `centers` (m, tips, 3). A tip is a capsule of a length. Return rows as `simulate_path` for each step and tip (m, tips, 15).
         """
 
     @property

@@ -162,19 +162,18 @@ struct SignedDistanceCore : BodyInLoop {
 
 /// Step the tips of a body along their paths; see "simulate_tips".
 auto step_tips(palpate::object::SignedDistanceBody& body, const Tensor& centers, const Points& axes, const Numbers& radii,
-               const Numbers& lengths, const Numbers& rims) {
+               const Numbers& lengths) {
   using palpate::deformable::SignedDistanceContact, palpate::deformable::TipGeometry;
   const SignedDistanceContact& contact = body.contact();
   const std::size_t n = centers.shape(0), count = static_cast<std::size_t>(contact.tip_count());
-  for (const std::size_t size : {centers.shape(1), axes.shape(0), radii.shape(0), lengths.shape(0), rims.shape(0)})
+  for (const std::size_t size : {centers.shape(1), axes.shape(0), radii.shape(0), lengths.shape(0)})
     if (size != count) throw nb::value_error("the paths and shapes do not match the number of tips");
   auto [rows, row] = new_array<double>({n, count, result_width});
   const nb::gil_scoped_release unlocked;
   std::array<SignedDistanceContact::PlacedTip, static_cast<std::size_t>(SignedDistanceContact::max_tips)> tips;
   const auto list = points(axes);
   for (std::size_t t = 0; t < count; ++t)
-    tips[t].shape = rims.data()[t] > 0.0 ? TipGeometry::cylinder(radii.data()[t], rims.data()[t], list[t])
-                                         : TipGeometry::capsule(radii.data()[t], lengths.data()[t], list[t]);
+    tips[t].shape = TipGeometry::capsule(radii.data()[t], lengths.data()[t], list[t]);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t t = 0; t < count; ++t)
       tips[t].center = Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * (count * i + t));
@@ -256,11 +255,11 @@ void bind_signed_distance(nb::module_& m) {
           "Return the parts of the forces across the normals that load the body, at the contact nodes of the last step (n, 3), N.")
       .def(
           "simulate_tips",
-          [](SignedDistanceCore& self, const Tensor& centers, const Points& axes, const Numbers& radii, const Numbers& lengths,
-             const Numbers& rims) { return step_tips(*self.body, centers, axes, radii, lengths, rims); },
-          "centers"_a, "axes"_a, "radii"_a, "lengths"_a, "rims"_a,
-          "Step all tips along their paths `centers` (m, tips, 3). A tip is a capsule of a length, or a cylinder where its rim is "
-          "positive. "
+          [](SignedDistanceCore& self, const Tensor& centers, const Points& axes, const Numbers& radii, const Numbers& lengths) {
+            return step_tips(*self.body, centers, axes, radii, lengths);
+          },
+          "centers"_a, "axes"_a, "radii"_a, "lengths"_a,
+          "Step all tips along their paths `centers` (m, tips, 3). A tip is a capsule of a length. "
           "Return rows as `simulate_path` for each step and tip (m, tips, 15).")
       .def_prop_ro(
           "has_memory", [](const SignedDistanceCore& self) { return self.body->has_memory(); },

@@ -102,14 +102,19 @@ def tap_by_scipy(solid: HyperelasticModel, times: Array) -> Array:
                 row = np.zeros(len(x))
                 row[face[[c, (c + 1) % 3, (c + 2) % 3]]] = np.array([own, following, last]) / 18
                 weights.append(row)
-                stiffness.append(share * 5e3 / (1 - 0.4**2) * area[f] / 3 / (0.25 * radius[face[c]]))
+                stiffness.append(share * 5e3 / (1 - 0.4**2) * area[f] / 3 / (0.21 * radius[face[c]]))
                 scale.append(0.06 * radius[face[c]])
     points, k, s = np.array(weights), np.array(stiffness), np.array(scale)
+    flank = 0.02 - np.linalg.norm((points @ x)[:, :2] - 5e-3, axis=1)  # of the end, which does not slide
+    flare = 0.25 * s / 0.06
     free = ~solid.elements.dirichlet[:, None]
 
     def pressed(time: float, state: Array) -> Array:
-        depth = np.maximum(points @ state[: 3 * len(x)].reshape(-1, 3)[:, 2] + depth_at(time), 0.0)
-        return k * depth * (1 + (depth / s) ** 2)
+        e = np.maximum(points @ state[: 3 * len(x)].reshape(-1, 3)[:, 2] + depth_at(time), 0.0)
+        root = np.hypot(flare, e)
+        f, slope = flank + 1.3 * flare * e / root, 1.3 * (flare / root) ** 3
+        depth, steepness = e * f / (e + f), (f**2 + slope * e**2) / (e + f) ** 2
+        return k * depth * (1 + (depth / s) ** 2) * steepness
 
     def rate(time: float, state: Array) -> Array:
         force = -solid.evaluate(state[: 3 * len(x)].reshape(-1, 3)).forces

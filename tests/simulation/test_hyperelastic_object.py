@@ -210,7 +210,7 @@ def test_friction_sticks_and_slips_as_on_the_condensed_body(block: Path) -> None
     assert rate.max() < 0.5 + 1e-9
     np.testing.assert_allclose(rate[380], 0.4, rtol=1e-6)  # slides
     stick = slice(300, 310)
-    assert (drag[stick][-1] - drag[stick][0]) == pytest.approx(true[stick][-1] - true[stick][0], rel=0.05)
+    assert (drag[stick][-1] - drag[stick][0]) == pytest.approx(true[stick][-1] - true[stick][0], rel=0.06)
     assert np.abs(drag - true).max() < 0.12 * load.max()
 
 

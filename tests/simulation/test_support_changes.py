@@ -115,7 +115,7 @@ def loop_response(trace: Trace) -> Any:
         ({"kind": "compliance"}, 1e-4),
         ({"kind": "signed_distance"}, 1e-4),
         ({"kind": "signed_distance", "static_friction": 0.5}, 0.03),  # the place depends on the path
-        (RELAXING, 1e-3),
+        (RELAXING, 3e-3),  # points at the border of the contact come and go within the tolerance of the forces
     ],
 )
 def test_the_verdict_is_that_of_the_last_phase(block: Path, options: dict[str, Any], difference: float) -> None:

@@ -328,7 +328,7 @@ class IndentableBody(CondensedBody):
         along = np.linalg.norm(axes, axis=1)
         axes = np.where(along[:, None] > 0.0, axes / np.maximum(along, 1e-300)[:, None], [0.0, 0.0, 1.0])
         core = self._signed_distance_core(count, tool=False)
-        rows = core.simulate_tips(centers, np.ascontiguousarray(axes), sizes, along, np.zeros(count))
+        rows = core.simulate_tips(centers, np.ascontiguousarray(axes), sizes, along)
         _warn_of_unsolved(rows.reshape(-1, rows.shape[2]))
         return [ContactHistory.of(rows[:, tip]) for tip in range(count)]
 

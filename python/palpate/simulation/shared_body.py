@@ -77,8 +77,7 @@ class SharedBody:
         k = len(self.radii)
         centers = self.in_body(tips)
         axes = np.tile([0.0, 0.0, 1.0], (k, 1))
-        still = np.zeros(k)
-        return np.asarray(self.core.simulate_tips(np.ascontiguousarray(centers), axes, self.radii, still, still))
+        return np.asarray(self.core.simulate_tips(np.ascontiguousarray(centers), axes, self.radii, np.zeros(k)))
 
     def in_body(self, tips: Array) -> Array:
         """Return the centers of tips (m, k, 3), m, each in its device's frame, in the frame of the body."""

@@ -31,7 +31,7 @@ struct SignedDistanceOptions {
   double retardation_time = 1.0;          ///< s
   int tips = 1;                           ///< at most SignedDistanceContact::max_tips
   std::vector<Vector3<>> contact_points;  ///< of a rigid tool: centers of its equal tips less the tip's center, m; none: one tip
-  double rim = 0.0;                       ///< radius of the rounded edge of a flat end, m; 0: a quarter of the mean node spacing
+  double flare = 0.0;                     ///< of a flat end, see TipGeometry, m; 0: the mean node spacing
 };
 
 /// A linear body whose contact follows the tip's signed distance (SignedDistanceContact): static, of a standard linear solid, or with
@@ -51,7 +51,7 @@ class SignedDistanceBody : public DeformableObject {
     std::unique_ptr<const deformable::BodyMotion> motion;  ///< at rest; null: static
     double sideways = 1.0;
     deformable::DryFriction friction;
-    double rim = 0.0;  ///< radius of the rounded edge of a flat end, m
+    double flare = 0.0;  ///< of a flat end, m
     int tips = 1;
     std::vector<Vector3<>> contact_points;  ///< of a rigid tool, see SignedDistanceOptions
 
@@ -62,11 +62,9 @@ class SignedDistanceBody : public DeformableObject {
           patches(surface, deformable::creep_law(options.instantaneous_ratio, options.retardation_time, options.period)),
           sideways(options.sideways),
           friction(options.friction),
-          rim(options.rim),
+          flare(options.flare > 0.0 ? options.flare : patches.flat.mean_spacing()),
           tips(options.contact_points.empty() ? options.tips : static_cast<int>(options.contact_points.size())),
           contact_points(options.contact_points) {
-      if (!(rim > 0.0))
-        for (std::int32_t i = 0; i < nodes.size(); ++i) rim += 0.25 * patches.round.spacing(i) / nodes.size();
       const bool moves = !options.modes.frequencies.empty();
       const std::size_t size = 3 * static_cast<std::size_t>(nodes.size());
       std::vector<float> period;
@@ -111,7 +109,7 @@ class SignedDistanceBody : public DeformableObject {
   /// Shape of a tip of the kinds that all bodies know.
   [[nodiscard]] deformable::TipGeometry shape_of(const deformable::Tip& tip) const noexcept {
     const bool flat = tip.kind == deformable::Tip::Kind::flat;
-    return flat ? deformable::TipGeometry::cylinder(tip.radius, data_->rim, tip.outward) : deformable::TipGeometry::sphere(tip.radius);
+    return flat ? deformable::TipGeometry::cylinder(tip.radius, data_->flare, tip.outward) : deformable::TipGeometry::sphere(tip.radius);
   }
 
   [[nodiscard]] int tool_tips() const noexcept override { return static_cast<int>(points_.size()); }

@@ -97,9 +97,7 @@ class SignedDistancePhase final : public SignedDistanceBody {
   class Maker {
    public:
     Maker(deformable::ContactSurface surface, SignedDistanceOptions options) : surface_(std::move(surface)), options_(std::move(options)) {
-      if (options_.rim > 0.0) return;
-      const deformable::PatchPoints patches(surface_, deformable::PatchPoints::sphere_beta, 1);
-      for (std::int32_t i = 0; i < patches.size(); ++i) options_.rim += 0.25 * patches.spacing(i) / patches.size();
+      if (!(options_.flare > 0.0)) options_.flare = deformable::PatchPoints(surface_, 1.0, 1).mean_spacing();  // of the whole surface
     }
 
     [[nodiscard]] std::shared_ptr<const Data> operator()(std::shared_ptr<const deformable::SupportPhase> phase) const {

@@ -78,15 +78,16 @@ TEST(LayerPoint, PointsSideBySideAreThoseOneByOne) {
     }
 }
 
-// Law: a flat end presses the points within its radius and the rounding, a quarter of the layer's b, and none beyond.
-TEST(LayerPoint, AFlatEndReachesBeyondItsRadiusByItsRounding) {
+// Law: a flat end presses the points within its radius, which grows with the height over the end, and none beyond.
+TEST(LayerPoint, AFlatEndReachesBeyondItsRadiusByItsFlare) {
   Tip tip;
   tip.kind = Tip::Kind::flat;
   tip.radius = 8e-3;
-  const double edge = tip.radius + palpate::deformable::LayerConstants::extra * tested_layer.radius;
+  const double height = 3e-3, flare = palpate::deformable::LayerConstants::flare * tested_layer.radius;
+  const double edge = tip.radius + palpate::deformable::TipGeometry::flare_slope * flare * height / std::hypot(flare, height);
   for (const double share : {0.5, 0.99, 1.01, 1.5}) {
     const double distance = tip.radius + share * (edge - tip.radius);
-    const Vector3<> place(distance, 0.0, 3e-3), normal = Vector3<>(1.0, 0.0, -1.0).normalized();  // deep, on a flank
+    const Vector3<> place(distance, 0.0, height), normal = Vector3<>(1.0, 0.0, -1.0).normalized();
     EXPECT_EQ(palpate::deformable::press_point<double>(tip, place, -normal, tested_layer).energy > 0.0, share < 1.0) << share;
   }
 }

@@ -17,7 +17,7 @@ using palpate::deformable::SignedDistanceContact, palpate::deformable::TipGeomet
 TEST(SignedDistanceContactNoAllocation, InAnyStep) {
   const contact_bodies::SurfaceBody body = contact_bodies::soft(shapes::box({10e-3, 10e-3, 10e-3}, 5), 1e4, 6e-3, 4e-3);
   for (const TipGeometry& tip : {TipGeometry::sphere(4e-3), TipGeometry::capsule(3e-3, 4e-3, Vector3<>::UnitX()),
-                                 TipGeometry::cylinder(4e-3, 0.5e-3, Vector3<>::UnitZ())}) {
+                                 TipGeometry::cylinder(4e-3, 1e-3, Vector3<>::UnitZ())}) {
     SignedDistanceContact contact(body.nodes, body.compliance, body.patches);
     const double above = tip.shape == TipGeometry::Shape::cylinder ? 10e-3 : 10e-3 + tip.radius;
     int touching = 0;
@@ -53,7 +53,7 @@ TEST(SignedDistanceContactNoAllocation, WithFrictionMemoryAndTwoTips) {
       const double s = 0.02 * k;
       const std::array<SignedDistanceContact::PlacedTip, 2> tips{
           {{TipGeometry::sphere(4e-3), {9e-3 * std::sin(s), 6e-3 * std::cos(0.7 * s), 14e-3 - 2e-3 * std::sin(0.3 * s)}},
-           {TipGeometry::cylinder(4e-3, 0.5e-3, Vector3<>::UnitZ()), {-5e-3 * std::sin(s), 0.0, 10e-3 - 1e-3 * std::sin(0.2 * s)}}}};
+           {TipGeometry::cylinder(4e-3, 1e-3, Vector3<>::UnitZ()), {-5e-3 * std::sin(s), 0.0, 10e-3 - 1e-3 * std::sin(0.2 * s)}}}};
       touching += contact.step(tips.data()).touching && contact.last(1).touching ? 1 : 0;
       energy = std::max(energy, contact.last().energy);
     }

@@ -52,7 +52,7 @@ TEST(SignedDistanceContact, SphereOnHalfSpaceMatchesHertz) {
 TEST(SignedDistanceContact, FlatEndOnHalfSpaceMatchesSneddon) {
   const SurfaceBody space = contact_bodies::half_space(16, 8e-3, 20e3);
   SignedDistanceContact contact = contact_of(space);
-  const TipGeometry tip = TipGeometry::cylinder(4e-3, 0.25e-3, Vector3<>::UnitZ());
+  const TipGeometry tip = TipGeometry::cylinder(4e-3, 1e-3, Vector3<>::UnitZ());
   for (const double aside : {0.0, 0.2e-3, 0.5e-3}) {
     const ContactResult a = press(contact, tip, {aside, 0.4 * aside, 0.0}, {aside, 0.4 * aside, -0.2e-3}, 20);
     ASSERT_TRUE(a.solved);
@@ -60,11 +60,33 @@ TEST(SignedDistanceContact, FlatEndOnHalfSpaceMatchesSneddon) {
   }
 }
 
+// The force keeps to Sneddon's to 0.6 of the radius, and nodes that slide over the edge do not change it suddenly.
+TEST(SignedDistanceContact, ADeepFlatEndSlidesWithoutSteps) {
+  const SurfaceBody space = contact_bodies::half_space(16, 20e-3, 20e3);
+  SignedDistanceContact contact = contact_of(space);
+  const TipGeometry tip = TipGeometry::cylinder(5e-3, 2.5e-3, Vector3<>::UnitZ());
+  const Vector3<> way = 2.5e-6 * Vector3<>(1.0, 0.37, 0.0).normalized();
+  for (const double share : {0.2, 0.6, 1.0}) {
+    const double depth = share * tip.radius, sneddon = 2.0 * tip.radius * 20e3 * depth;
+    Vector3<> at(-2.5e-3, -1.3e-3, -depth);
+    press(contact, tip, {at.x(), at.y(), 0.0}, at, 500);
+    Vector3<> last = contact.last().force;
+    for (int k = 0; k < 1200; ++k) {
+      at += way;
+      const ContactResult& a = contact.step(tip, at);
+      ASSERT_TRUE(a.solved && a.touching);
+      ASSERT_LT((a.force - last).norm(), 1e-3 * a.force.norm()) << share << " " << k;
+      EXPECT_NEAR(a.force.z(), sneddon, (share < 0.8 ? 0.05 : 0.15) * sneddon) << share << " " << k;
+      last = a.force;
+    }
+  }
+}
+
 // Central differences of the energy on a curved body and on a box, for all shapes of tips.
 TEST(SignedDistanceContact, ForceIsTheNegativeGradientOfItsEnergy) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  int alternating = 0, jumps = 0;
+  int jumps = 0;
   const Vector3<> axis = Vector3<>(0.1, 0.2, 1.0).normalized();
   for (const shapes::Shape& shape : {shapes::ball(3, 10e-3), shapes::box({8e-3, 8e-3, 8e-3}, 4)}) {
     const SurfaceBody body = contact_bodies::soft(shape, 1e4, 6e-3, 4e-3);
@@ -80,20 +102,14 @@ TEST(SignedDistanceContact, ForceIsTheNegativeGradientOfItsEnergy) {
         const ContactResult here = contact.last();
         ASSERT_TRUE(here.touching);
         Vector3<> slope;
-        bool settled = true;
         const double step = 2e-5;
         for (int a = 0; a < 3; ++a) {
           const auto energy = [&](double way) {
             for (int k = 0; k < 12; ++k) contact.step(tip, at + way * Vector3<>::Unit(a));
-            settled = settled && contact.iterations() < SignedDistanceContact::max_iterations;
+            EXPECT_LT(contact.iterations(), SignedDistanceContact::max_iterations);
             return contact.last().energy;
           };
           slope[a] = (energy(step) - energy(-step)) / (2.0 * step);
-        }
-        if (!settled) {  // where the nearest part of a rod changes from its end to its side, the directions may alternate
-          EXPECT_EQ(tip.shape, TipGeometry::Shape::cylinder);
-          ++alternating;
-          continue;
         }
         for (int k = 0; k < 12; ++k) contact.step(tip, at);
         const ContactResult again = contact.last();
@@ -105,7 +121,6 @@ TEST(SignedDistanceContact, ForceIsTheNegativeGradientOfItsEnergy) {
         EXPECT_LT((slope + here.force).norm(), 3e-3 * here.force.norm()) << round;
       }
   }
-  EXPECT_LE(alternating, 2);  // of 8 with a rod
   EXPECT_LE(jumps, 1);
 }
 

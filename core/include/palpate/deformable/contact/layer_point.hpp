@@ -23,13 +23,12 @@ struct LayerPoint {
 /// Constants of the layer, fitted to presses of cylinders and blocks of tetrahedra. The layer also replaces the curvature of a sphere that
 /// flat facets miss; small facets miss less.
 struct LayerConstants {
-  static constexpr double flat_beta = 0.25;
+  static constexpr double flat_beta = 0.21;
   static constexpr double sphere_beta = 6.5;  ///< of spheres of the radius R: beta over (b / R)^2, within the following limits
   static constexpr double least_beta = 0.1;
   static constexpr double most_beta = 2.0;
   static constexpr double scale = 0.06;  ///< depth at which the secant stiffness has doubled, over b
-  static constexpr double rim = 0.3;     ///< radius of the rounded edge of a flat end, over b
-  static constexpr double extra = 0.25;  ///< radius that the rounding adds to it, over b
+  static constexpr double flare = 0.25;  ///< of a flat end, see TipGeometry, over b
 };
 
 /// Points of a triangle that tips press: three for each corner, which share its part of the area.
@@ -117,17 +116,16 @@ template <class Scalar>
                                                                           const LayerPoint<Scalar>& layer) noexcept {
   const Scalar zero(0.0), one(1.0);
   const bool is_sphere = tip.kind == Tip::Kind::sphere;
-  const Scalar radius = Scalar(tip.radius) + Scalar(LayerConstants::extra) * layer.radius;
   const auto in = is_sphere ? depth_in_sphere<Scalar>(tip, y, normal)
-                            : TipGeometry::in_cylinder<Scalar>(y, normal, tip.outward, radius,
-                                                               min_of(Scalar(LayerConstants::rim) * layer.radius, radius));
+                            : TipGeometry::in_cylinder<Scalar>(y, normal, tip.outward, Scalar(tip.radius),
+                                                               Scalar(LayerConstants::flare) * layer.radius);
   const Scalar x = min_of(max_of(one - Scalar(2.0) * detail::dot(in.away, normal), zero), one), weight = x * x * (Scalar(3.0) - (x + x));
   const Scalar depth = max_of(in.depth, zero), k = layer.stiffness / layer_beta<Scalar>(tip, layer.radius);
   const Scalar over = depth * layer.inverse, part = over * over;
   const Scalar energy = (Scalar(0.5) * k) * (depth * depth) * (one + Scalar(0.5) * part), pressed = k * weight;
-  const Scalar push = pressed * depth * (one + part), turned = (Scalar(12.0) * x * (one - x)) * energy;
+  const Scalar push = pressed * depth * (one + part) * in.slope, turned = (Scalar(12.0) * x * (one - x)) * energy;
   PointContact<Scalar> out;
-  out.stiffness = select(in.depth > zero, pressed * (one + Scalar(3.0) * part), zero);
+  out.stiffness = select(in.depth > zero, pressed * (one + Scalar(3.0) * part) * (in.slope * in.slope), zero);
   out.energy = weight * energy;
   out.depth = depth;
   out.push = push;

@@ -345,7 +345,7 @@ class NearNodes {
     }
     const auto kept = std::remove_if(pending_.begin(), pending_.begin() + pending_count_, [t](const Pending& p) { return p.tip == t; });
     pending_count_ = static_cast<int>(kept - pending_.begin());
-    const double reach = shape.radius + ahead(tip) + tip.points->max_reach() + (offset_ != nullptr ? offset_->largest() : 0.0);
+    const double reach = shape.reach() + ahead(tip) + tip.points->max_reach() + (offset_ != nullptr ? offset_->largest() : 0.0);
     nodes_->query_box(low, high, reach, [&](std::int32_t node) {
       if (slot(node, t) >= 0 || pending_count_ == max_pending || !within(tip, node, ahead(tip))) return;
       pending_[at(pending_count_++)] = {node, t, gap(tip, node)};

@@ -36,7 +36,7 @@ struct ContactSurface {
 class PatchPoints {
  public:
   static constexpr double sphere_beta = 0.85;  ///< fitted to converged forces of spheres, contact radius 0.3 to 2.8 cells
-  static constexpr double flat_beta = 0.45;    ///< same for a flat end of radius 1 to 1.7 cells; the pressure is singular at its edge
+  static constexpr double flat_beta = 0.5;     ///< same for a flat end of radius 1 to 1.7 cells; the pressure is singular at its edge
   static constexpr int padding = detail::float_lanes;  ///< points per node are a multiple of it, filled up with points of stiffness zero
 
   PatchPoints() = default;
@@ -48,12 +48,10 @@ class PatchPoints {
     for (const auto& t : surface.triangles)
       for (const std::int32_t v : t)
         if (surface.node[at(v)] >= 0) area[at(surface.node[at(v)])] += area_vector(surface, t).norm() / 3.0;
-    spacing_.resize(nodes);
     std::vector<double> stiffness(nodes, 0.0);
-    for (std::size_t i = 0; i < nodes; ++i) {
-      spacing_[i] = std::sqrt(area[i]);
+    for (const double a : area) mean_spacing_ += std::sqrt(a) / static_cast<double>(nodes);
+    for (std::size_t i = 0; i < nodes; ++i)
       if (area[i] > 0.0) stiffness[i] = surface.modulus[i] / (beta * std::sqrt(area[i] / M_PI));
-    }
     std::vector<std::vector<Point>> points(nodes);
     const std::vector<Vector3<>> normals = smooth_normals(surface);
     for (const auto& t : surface.triangles) add_triangle(surface, normals, stiffness, t, points_per_corner, points);
@@ -67,8 +65,9 @@ class PatchPoints {
   [[nodiscard]] double reach(std::int32_t node) const noexcept { return reach_[at(node)]; }
   /// Largest reach of all nodes, m.
   [[nodiscard]] double max_reach() const noexcept { return max_reach_; }
-  /// Square root of the area of a node's patch, m.
-  [[nodiscard]] double spacing(std::int32_t node) const noexcept { return spacing_[at(node)]; }
+
+  /// Mean square root of the area of a node's patch, m.
+  [[nodiscard]] double mean_spacing() const noexcept { return mean_spacing_; }
 
   /// Coordinates of the points: offset from the node [m] (0 to 2), outward unit normal (3 to 5), stiffness [N/m] (6).
   [[nodiscard]] const float* coordinate(std::size_t number) const noexcept { return columns_[number].data()->value.data(); }
@@ -170,8 +169,8 @@ class PatchPoints {
   }
 
   std::vector<std::size_t> begin_;                         // of each node's points, and the end
-  std::vector<double> reach_, spacing_;                    // by node, m
-  double max_reach_ = 0.0;                                 // m
+  std::vector<double> reach_;                              // by node, m
+  double max_reach_ = 0.0, mean_spacing_ = 0.0;            // m
   std::array<std::vector<detail::FloatLine>, 7> columns_;  // see coordinate()
 };
 

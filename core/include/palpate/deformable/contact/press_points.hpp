@@ -50,9 +50,9 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
       continue;
     }
     const Scalar turned = load(6, q) * (Scalar(6.0) * x * (Scalar(1.0) - x)) * depth * depth;
-    const Scalar push = pressed * depth;
-    for (int a = 0; a < 3; ++a) force[a] += push * in.away[a] + turned * in.bend[a];
-    stiffness += select(excess > Scalar(0.0), pressed, Scalar(0.0));
+    const Scalar push = pressed * depth, pushed = push * in.slope;
+    for (int a = 0; a < 3; ++a) force[a] += pushed * in.away[a] + turned * in.bend[a];
+    stiffness += select(excess > Scalar(0.0), pressed * (in.slope * in.slope), Scalar(0.0));
     energy += push * depth;
   }
   const PressedPoints all{.energy = 0.5 * static_cast<double>(detail::sum_of(energy)),

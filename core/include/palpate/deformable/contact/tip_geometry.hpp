@@ -14,20 +14,23 @@ namespace palpate::deformable {
 struct TipGeometry {
   enum class Shape {
     capsule,   ///< points within `radius` of the segment from the center to center + length axis; a sphere has length 0
-    cylinder,  ///< rod from the center along the axis, without end; its edge is rounded with the radius `rim`
+    cylinder,  ///< rod from the center of its flat end along the axis, without other end, see in_cylinder()
   };
   Shape shape = Shape::capsule;
+  static constexpr double flare_slope = 1.3;  ///< fitted to presses of flat ends to 0.6 of their radius
+
   double radius = 5e-3;                 ///< m
   double length = 0.0;                  ///< of a capsule's segment, m
-  double rim = 0.0;                     ///< of a cylinder, m; positive, at most `radius`
+  double flare = 0.0;                   ///< of a cylinder, m; positive
   Vector3<> axis = Vector3<>::UnitZ();  ///< unit, out of the body
 
   [[nodiscard]] static TipGeometry sphere(double radius) noexcept { return {.radius = radius}; }
   [[nodiscard]] static TipGeometry capsule(double radius, double length, const Vector3<>& axis) noexcept {
     return {.radius = radius, .length = length, .axis = axis};
   }
-  [[nodiscard]] static TipGeometry cylinder(double radius, double rim, const Vector3<>& axis) noexcept {
-    return {.shape = Shape::cylinder, .radius = radius, .rim = std::min(rim, radius), .axis = axis};
+  /// The radius of the cylinder grows with the height e over its end by flare_slope e / sqrt(1 + (e / flare)^2).
+  [[nodiscard]] static TipGeometry cylinder(double radius, double flare, const Vector3<>& axis) noexcept {
+    return {.shape = Shape::cylinder, .radius = radius, .flare = flare, .axis = axis};
   }
 
   [[nodiscard]] bool is_sphere() const noexcept { return shape == Shape::capsule && length == 0.0; }
@@ -35,9 +38,10 @@ struct TipGeometry {
   /// Depth of a point in the tip and its derivatives.
   template <class Scalar>
   struct Depth {
-    Scalar depth;          ///< negative signed distance, m
-    Vector3<Scalar> away;  ///< unit vector in which the signed distance grows
-    Vector3<Scalar> bend;  ///< derivative of away . normal by the point, 1/m, for the normal given to evaluate()
+    Scalar depth;                ///< negative signed distance, m; in a cylinder see in_cylinder()
+    Vector3<Scalar> away;        ///< unit vector in which the depth falls fastest
+    Vector3<Scalar> bend;        ///< derivative of away . normal by the point, 1/m, for the normal given to evaluate()
+    Scalar slope = Scalar(1.0);  ///< fall of the depth along `away`; 1 where the depth is a distance
   };
 
   /// Evaluate the depth at `y`, the position relative to the center [m]; `normal` is the surface normal there.
@@ -46,12 +50,16 @@ struct TipGeometry {
     return shape == Shape::capsule ? in_capsule<Scalar>(y, normal) : in_cylinder<Scalar>(y, normal);
   }
 
-  /// Signed distance of a point from the tip, m; `y` is relative to the center.
+  /// Largest distance of a point in the tip from its axis, m.
+  [[nodiscard]] double reach() const noexcept { return radius + flare_slope * flare; }
+
+  /// Signed distance of a point from the tip, m; beside a cylinder 0.6 to 1 times as large. `y` is relative to the center.
   [[nodiscard]] double distance(const Vector3<>& y) const noexcept {
     const double along = y.dot(axis);
     if (shape == Shape::capsule) return (y - std::clamp(along, 0.0, length) * axis).norm() - radius;
-    const double side = (y - along * axis).norm() - (radius - rim), end = rim - along;
-    return std::hypot(std::max(side, 0.0), std::max(end, 0.0)) + std::min(std::max(side, end), 0.0) - rim;
+    const double height = std::max(along, 0.0), widening = flare_slope * flare * height / std::hypot(flare, height);
+    const double side = cosine * ((y - along * axis).norm() - radius - widening);
+    return std::hypot(std::max(side, 0.0), std::max(-along, 0.0)) + std::min(std::max(side, -along), 0.0);
   }
 
   /// Whether distance(y) is less than `most` [m], which is at least -radius.
@@ -60,10 +68,15 @@ struct TipGeometry {
     return (y - std::clamp(y.dot(axis), 0.0, length) * axis).squaredNorm() < (radius + most) * (radius + most);
   }
 
-  /// Depth in a cylinder as of evaluate(), whose radius and rim may differ by lane.
+  /// Depth in a cylinder as of evaluate(), whose radius and flare may differ by lane.
+  ///
+  /// With the height e of a point over the end and its distance f from the flank, the depth is the harmonic sum e f / (e + f). The true
+  /// distance has a kink at the edge, over which the points of a deeply pressed end jump. The second derivatives of the squared harmonic
+  /// sum, in contrast, do not depend on how far the layer is compressed: points pass the edge gradually. The harmonic sum weakens the
+  /// layer near the edge; the flare of the flank, which begins with the slope `flare_slope`, makes up for it.
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] static Depth<Scalar> in_cylinder(const Vector3<Scalar>& y, const Vector3<Scalar>& normal,
-                                                                     const Vector3<>& axis, Scalar radius, Scalar rim) noexcept {
+                                                                     const Vector3<>& axis, Scalar radius, Scalar flare) noexcept {
     using std::sqrt;
     const Scalar zero(0.0), one(1.0);
     const Vector3<Scalar> a{Scalar(axis[0]), Scalar(axis[1]), Scalar(axis[2])};
@@ -71,25 +84,26 @@ struct TipGeometry {
     const Vector3<Scalar> aside = y - along * a;
     const Scalar off_axis = sqrt((aside[0] * aside[0] + aside[1] * aside[1]) + aside[2] * aside[2] + Scalar(1e-30));
     const Vector3<Scalar> radial = aside * (one / off_axis);
-    const Scalar side = off_axis - (radius - rim), end = rim - along;
-    const Scalar u = max_of(side, zero), v = max_of(end, zero), rounded = sqrt(u * u + v * v);
-    const auto outside = rounded > zero;
-    const auto flank = side > end;
-    const Scalar scale = one / max_of(rounded, Scalar(1e-12) * radius);
-    const Scalar across = select(outside, u * scale, select(flank, one, zero));  // components of `away`
-    const Scalar endward = select(outside, v * scale, select(flank, zero, one));
-    const Vector3<Scalar> away = across * radial - endward * a;
-    const Vector3<Scalar> around = endward * radial + across * a;  // along the profile of the rim
+    const Scalar e = max_of(along, zero), square = one / (flare * flare + e * e), inverse = sqrt(square);
+    const Scalar widening = (Scalar(flare_slope) * flare) * e * inverse, slope = Scalar(flare_slope) * (flare * flare * flare) * square * inverse;
+    const Scalar side = (radius - off_axis) + widening;
+    const Scalar u = Scalar(cosine) * min_of(side, zero), v = min_of(along, zero), outside = sqrt(u * u + v * v);
+    const Scalar f = max_of(side, zero), over = one / max_of(e + f, Scalar(1e-6) * radius), p = f * over, q = e * over;
+    const Scalar by_flank = q * q, by_end = p * p + slope * by_flank;  // derivatives of the depth by distance from the flank, by height
+    const Scalar length_square = one / max_of(by_flank * by_flank + by_end * by_end, Scalar(1e-3)), scale = sqrt(length_square);
+    const Scalar across = by_flank * scale, endward = by_end * scale;  // components of `away`
     const Scalar radial_part = (normal[0] * radial[0] + normal[1] * radial[1]) + normal[2] * radial[2];
     const Scalar axial_part = (normal[0] * a[0] + normal[1] * a[1]) + normal[2] * a[2];
-    const auto on_rim = (side > zero) & (end > zero);
-    const Scalar turning = select(on_rim, (endward * radial_part + across * axial_part) / max_of(rounded, Scalar(1e-3) * rim), zero);
-    const Vector3<Scalar> bend =
-        turning * around + (across / max_of(off_axis, Scalar(1e-3) * radius)) * (normal - radial_part * radial - axial_part * a);
-    return {rim - rounded - min_of(max_of(side, end), zero), away, bend};
+    const Scalar turning = (endward * radial_part + across * axial_part) * length_square, common = Scalar(2.0) * p * q * over;
+    const Scalar by_height = common * (p - slope * q) + Scalar(3.0) * slope * e * square * by_flank * by_flank;
+    const Vector3<Scalar> bend = turning * ((common * q) * radial + by_height * a) +
+                                 (across / max_of(off_axis, Scalar(1e-3) * radius)) * (normal - radial_part * radial - axial_part * a);
+    return {select(outside > zero, zero - outside, e * p), across * radial - endward * a, bend, one / scale};
   }
 
  private:
+  static constexpr double cosine = 0.6;   // of the angle of the flare, rounded down
+
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] Depth<Scalar> in_capsule(Vector3<Scalar> y, const Vector3<Scalar>& normal) const noexcept {
     using std::sqrt;
@@ -111,7 +125,7 @@ struct TipGeometry {
 
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] Depth<Scalar> in_cylinder(const Vector3<Scalar>& y, const Vector3<Scalar>& normal) const noexcept {
-    return in_cylinder<Scalar>(y, normal, axis, Scalar(radius), Scalar(rim));
+    return in_cylinder<Scalar>(y, normal, axis, Scalar(radius), Scalar(flare));
   }
 };
 

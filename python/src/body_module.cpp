@@ -172,8 +172,7 @@ auto step_tips(palpate::object::SignedDistanceBody& body, const Tensor& centers,
   const nb::gil_scoped_release unlocked;
   std::array<SignedDistanceContact::PlacedTip, static_cast<std::size_t>(SignedDistanceContact::max_tips)> tips;
   const auto list = points(axes);
-  for (std::size_t t = 0; t < count; ++t)
-    tips[t].shape = TipGeometry::capsule(radii.data()[t], lengths.data()[t], list[t]);
+  for (std::size_t t = 0; t < count; ++t) tips[t].shape = TipGeometry::capsule(radii.data()[t], lengths.data()[t], list[t]);
   for (std::size_t i = 0; i < n; ++i) {
     for (std::size_t t = 0; t < count; ++t)
       tips[t].center = Eigen::Map<const palpate::math::Vector3<>>(centers.data() + 3 * (count * i + t));

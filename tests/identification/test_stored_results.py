@@ -1065,7 +1065,7 @@ STORED: dict[str, list[float | str]] = {
 }
 
 
-# The length of the test functions is found on clipped angles, where the rounding of a library for linear algebra decides.
+# On clipped angles the rounding of the linear algebra library decides the length of the test functions.
 ROUNDED = {"angle clipped": 5e-3, "angle clipped to few rows": 5e-3}
 
 

@@ -27,7 +27,8 @@ std::vector<double> patch_areas(const contact_bodies::SurfaceBody& body) {
   std::vector<double> area(body.surface.vertices.size(), 0.0);
   for (const auto& t : body.surface.triangles)
     for (const std::int32_t v : t)
-      area[static_cast<std::size_t>(v)] += (body.vertex(t[1]) - body.vertex(t[0])).cross(body.vertex(t[2]) - body.vertex(t[0])).norm() / 6.0;
+      area[static_cast<std::size_t>(v)] +=
+          (body.vertex(t[1]) - body.vertex(t[0])).cross(body.vertex(t[2]) - body.vertex(t[0])).norm() / 6.0;
   return area;
 }
 

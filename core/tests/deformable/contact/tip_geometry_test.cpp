@@ -14,7 +14,8 @@ TEST(TipGeometry, DerivativesOfTheDepthAreThoseOfDifferences) {
   const Vector3<> axis = Vector3<>(0.3, -0.2, 0.9).normalized();
   std::mt19937 random(4);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  for (const TipGeometry& tip : {TipGeometry::sphere(5e-3), TipGeometry::capsule(3e-3, 6e-3, axis), TipGeometry::cylinder(5e-3, 2e-3, axis)}) {
+  for (const TipGeometry& tip :
+       {TipGeometry::sphere(5e-3), TipGeometry::capsule(3e-3, 6e-3, axis), TipGeometry::cylinder(5e-3, 2e-3, axis)}) {
     int checked = 0;
     for (int round = 0; round < 300; ++round) {
       const Vector3<> y = 7e-3 * Vector3<>(uniform(random), uniform(random), uniform(random));
@@ -47,7 +48,8 @@ TEST(TipGeometry, DepthIsTheNegativeDistanceAndPositiveJustInsideACylinder) {
   const Vector3<> axis = Vector3<>(0.3, -0.2, 0.9).normalized();
   std::mt19937 random(5);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-  for (const TipGeometry& tip : {TipGeometry::sphere(5e-3), TipGeometry::capsule(3e-3, 6e-3, axis), TipGeometry::cylinder(5e-3, 2e-3, axis)})
+  for (const TipGeometry& tip :
+       {TipGeometry::sphere(5e-3), TipGeometry::capsule(3e-3, 6e-3, axis), TipGeometry::cylinder(5e-3, 2e-3, axis)})
     for (int round = 0; round < 300; ++round) {
       const Vector3<> y = 7e-3 * Vector3<>(uniform(random), uniform(random), uniform(random));
       const double distance = tip.distance(y), depth = tip.evaluate<double>(y, axis).depth;

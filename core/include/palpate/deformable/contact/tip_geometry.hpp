@@ -85,7 +85,8 @@ struct TipGeometry {
     const Scalar off_axis = sqrt((aside[0] * aside[0] + aside[1] * aside[1]) + aside[2] * aside[2] + Scalar(1e-30));
     const Vector3<Scalar> radial = aside * (one / off_axis);
     const Scalar e = max_of(along, zero), square = one / (flare * flare + e * e), inverse = sqrt(square);
-    const Scalar widening = (Scalar(flare_slope) * flare) * e * inverse, slope = Scalar(flare_slope) * (flare * flare * flare) * square * inverse;
+    const Scalar widening = (Scalar(flare_slope) * flare) * e * inverse,
+                 slope = Scalar(flare_slope) * (flare * flare * flare) * square * inverse;
     const Scalar side = (radius - off_axis) + widening;
     const Scalar u = Scalar(cosine) * min_of(side, zero), v = min_of(along, zero), outside = sqrt(u * u + v * v);
     const Scalar f = max_of(side, zero), over = one / max_of(e + f, Scalar(1e-6) * radius), p = f * over, q = e * over;
@@ -102,7 +103,7 @@ struct TipGeometry {
   }
 
  private:
-  static constexpr double cosine = 0.6;   // of the angle of the flare, rounded down
+  static constexpr double cosine = 0.6;  // of the angle of the flare, rounded down
 
   template <class Scalar>
   [[nodiscard, gnu::always_inline]] Depth<Scalar> in_capsule(Vector3<Scalar> y, const Vector3<Scalar>& normal) const noexcept {

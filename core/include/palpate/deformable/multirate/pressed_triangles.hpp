@@ -199,9 +199,10 @@ class PressedTriangles {
       reach = max_of(reach, detail::dot(arm, arm));
       size = max_of(size, model_->triangles.load(LocalTriangles::radius + c, first));
     }
-    const Scalar depth = tip.kind == Tip::Kind::sphere
-                             ? depth_in_sphere<Scalar>(tip, center, center).depth
-                             : TipGeometry::in_cylinder<Scalar>(center, center, tip.outward, Scalar(tip.radius), Scalar(LayerConstants::flare) * size).depth;
+    const Scalar depth =
+        tip.kind == Tip::Kind::sphere
+            ? depth_in_sphere<Scalar>(tip, center, center).depth
+            : TipGeometry::in_cylinder<Scalar>(center, center, tip.outward, Scalar(tip.radius), Scalar(LayerConstants::flare) * size).depth;
     return any(depth + sqrt(reach) > Scalar(-margin));
   }
 

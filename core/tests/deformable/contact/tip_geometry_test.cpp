@@ -86,6 +86,13 @@ TEST(TipGeometry, TheEdgeOfACylinderWeakensALayerByAtMostOneNinth) {
   }
 }
 
+TEST(TipGeometry, AFlareIsAtMostAsLargeAsTheRadius) {
+  const TipGeometry thin = TipGeometry::cylinder(1e-3, 5e-3, Vector3<>::UnitZ());
+  EXPECT_EQ(thin.flare, 1e-3);
+  EXPECT_LT(thin.distance({0.0, 2.2e-3, 0.2}), 0.0);
+  EXPECT_GT(thin.distance({0.0, 2.4e-3, 0.2}), 0.0);
+}
+
 TEST(TipGeometry, TheDistanceFromACylinderIsThatFromItsEndOrAboutThatFromItsFlank) {
   const TipGeometry tip = TipGeometry::cylinder(5e-3, 1e-3, Vector3<>::UnitZ());
   EXPECT_NEAR(tip.distance({0.0, 0.0, -2e-3}), 2e-3, 1e-12);

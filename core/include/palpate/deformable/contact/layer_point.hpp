@@ -118,7 +118,7 @@ template <class Scalar>
   const bool is_sphere = tip.kind == Tip::Kind::sphere;
   const auto in = is_sphere ? depth_in_sphere<Scalar>(tip, y, normal)
                             : TipGeometry::in_cylinder<Scalar>(y, normal, tip.outward, Scalar(tip.radius),
-                                                               Scalar(LayerConstants::flare) * layer.radius);
+                                                               min_of(Scalar(LayerConstants::flare) * layer.radius, Scalar(tip.radius)));
   const Scalar x = min_of(max_of(one - Scalar(2.0) * detail::dot(in.away, normal), zero), one), weight = x * x * (Scalar(3.0) - (x + x));
   const Scalar depth = max_of(in.depth, zero), k = layer.stiffness / layer_beta<Scalar>(tip, layer.radius);
   const Scalar over = depth * layer.inverse, part = over * over;

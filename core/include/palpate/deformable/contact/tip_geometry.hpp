@@ -21,7 +21,7 @@ struct TipGeometry {
 
   double radius = 5e-3;                 ///< m
   double length = 0.0;                  ///< of a capsule's segment, m
-  double flare = 0.0;                   ///< of a cylinder, m; positive
+  double flare = 0.0;                   ///< of a cylinder, m; positive, at most `radius`
   Vector3<> axis = Vector3<>::UnitZ();  ///< unit, out of the body
 
   [[nodiscard]] static TipGeometry sphere(double radius) noexcept { return {.radius = radius}; }
@@ -30,7 +30,7 @@ struct TipGeometry {
   }
   /// The radius of the cylinder grows with the height e over its end by flare_slope e / sqrt(1 + (e / flare)^2).
   [[nodiscard]] static TipGeometry cylinder(double radius, double flare, const Vector3<>& axis) noexcept {
-    return {.shape = Shape::cylinder, .radius = radius, .flare = flare, .axis = axis};
+    return {.shape = Shape::cylinder, .radius = radius, .flare = std::min(flare, radius), .axis = axis};
   }
 
   [[nodiscard]] bool is_sphere() const noexcept { return shape == Shape::capsule && length == 0.0; }

@@ -99,9 +99,11 @@ def on_cylinder(spacing: float, positions: int = 10) -> list[Row]:
         mean = np.mean([body.indent(x, 8e-3, depth).force[2] for x in at]) / force
         name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, sphere {1e3 * depth:g} mm deep"
         rows.append(_row(name, float(mean) - 1.0, 0.08))
-    stiffness = np.mean([body.indent(x, 5e-3, 5e-4, tip="flat").force[2] for x in at]) / 5e-4
-    name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, flat punch"
-    return [*rows, _row(name, float(stiffness) / _CYLINDER_PUNCH - 1.0, 0.04)]
+    for depth in (0.5e-3, 2e-3):
+        stiffness = np.mean([body.indent(x, 5e-3, depth, tip="flat").force[2] for x in at]) / depth
+        name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, flat punch {1e3 * depth:g} mm deep"
+        rows.append(_row(name, float(stiffness) / _CYLINDER_PUNCH - 1.0, 0.04))
+    return rows
 
 
 def validate(progress: Progress | None = None, *, paths: int = 10_000) -> list[Row]:

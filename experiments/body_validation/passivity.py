@@ -31,7 +31,7 @@ def energy_out(
     *,
     piecewise_constant: bool,
     ticks: int = 2000,
-    finest: int = 128_000,
+    finest: int = 512_000,
     again: int = 20,
     progress: Callable[[float], None] | None = None,
 ) -> float:

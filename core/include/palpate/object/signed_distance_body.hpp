@@ -62,7 +62,7 @@ class SignedDistanceBody : public DeformableObject {
           patches(surface, deformable::creep_law(options.instantaneous_ratio, options.retardation_time, options.period)),
           sideways(options.sideways),
           friction(options.friction),
-          flare(options.flare > 0.0 ? options.flare : patches.flat.mean_spacing()),
+          flare(options.flare > 0.0 ? options.flare : deformable::PatchPoints::mean_spacing(surface)),
           tips(options.contact_points.empty() ? options.tips : static_cast<int>(options.contact_points.size())),
           contact_points(options.contact_points) {
       const bool moves = !options.modes.frequencies.empty();

@@ -97,7 +97,7 @@ class SignedDistancePhase final : public SignedDistanceBody {
   class Maker {
    public:
     Maker(deformable::ContactSurface surface, SignedDistanceOptions options) : surface_(std::move(surface)), options_(std::move(options)) {
-      if (!(options_.flare > 0.0)) options_.flare = deformable::PatchPoints(surface_, 1.0, 1).mean_spacing();  // of the whole surface
+      if (!(options_.flare > 0.0)) options_.flare = deformable::PatchPoints::mean_spacing(surface_);  // of the whole surface
     }
 
     [[nodiscard]] std::shared_ptr<const Data> operator()(std::shared_ptr<const deformable::SupportPhase> phase) const {

@@ -107,6 +107,16 @@ template <class Scalar>
                 Scalar(LayerConstants::most_beta));
 }
 
+/// Depth of a point in a tip; `y` is relative to the center and `radius` is b, m.
+template <class Scalar>
+[[nodiscard, gnu::always_inline]] inline TipGeometry::Depth<Scalar> depth_in_tip(const Tip& tip, const Vector3<Scalar>& y,
+                                                                                 const Vector3<Scalar>& normal,
+                                                                                 const Scalar& radius) noexcept {
+  if (tip.kind == Tip::Kind::sphere) return depth_in_sphere<Scalar>(tip, y, normal);
+  const Scalar flare = min_of(Scalar(LayerConstants::flare) * radius, Scalar(tip.radius));
+  return TipGeometry::in_cylinder<Scalar>(y, normal, tip.outward, Scalar(tip.radius), flare);
+}
+
 /// Press a point at `y`, relative to the tip's center [m], of a surface with the outward unit normal `normal`. The energy is
 /// 1/2 k w depth^2 (1 + (depth / scale)^2 / 2), with the depth in the tip. w falls from 1 to 0 where the surface looks away from the tip by
 /// 90 to 120 degrees.
@@ -115,10 +125,7 @@ template <class Scalar>
                                                                           const Vector3<Scalar>& normal,
                                                                           const LayerPoint<Scalar>& layer) noexcept {
   const Scalar zero(0.0), one(1.0);
-  const bool is_sphere = tip.kind == Tip::Kind::sphere;
-  const auto in = is_sphere ? depth_in_sphere<Scalar>(tip, y, normal)
-                            : TipGeometry::in_cylinder<Scalar>(y, normal, tip.outward, Scalar(tip.radius),
-                                                               min_of(Scalar(LayerConstants::flare) * layer.radius, Scalar(tip.radius)));
+  const auto in = depth_in_tip<Scalar>(tip, y, normal, layer.radius);
   const Scalar x = min_of(max_of(one - Scalar(2.0) * detail::dot(in.away, normal), zero), one), weight = x * x * (Scalar(3.0) - (x + x));
   const Scalar depth = max_of(in.depth, zero), k = layer.stiffness / layer_beta<Scalar>(tip, layer.radius);
   const Scalar over = depth * layer.inverse, part = over * over;

@@ -36,26 +36,29 @@ struct ContactSurface {
 class PatchPoints {
  public:
   static constexpr double sphere_beta = 0.85;  ///< fitted to converged forces of spheres, contact radius 0.3 to 2.8 cells
-  static constexpr double flat_beta = 0.5;     ///< same for a flat end of radius 1 to 1.7 cells; the pressure is singular at its edge
+  static constexpr double flat_beta = 0.5;     ///< same for a flat end of radius 1 to 3.2 cells; the pressure is singular at its edge
   static constexpr int padding = detail::float_lanes;  ///< points per node are a multiple of it, filled up with points of stiffness zero
 
   PatchPoints() = default;
 
   /// @param points_per_corner  points on the sixth of a triangle beside each half edge: 1 or 3, i.e. 12 or 36 points per regular node
   PatchPoints(const ContactSurface& surface, double beta, int points_per_corner) {
-    const std::size_t nodes = surface.modulus.size();
-    std::vector<double> area(nodes, 0.0);
-    for (const auto& t : surface.triangles)
-      for (const std::int32_t v : t)
-        if (surface.node[at(v)] >= 0) area[at(surface.node[at(v)])] += area_vector(surface, t).norm() / 3.0;
+    const std::vector<double> area = patch_areas(surface);
+    const std::size_t nodes = area.size();
     std::vector<double> stiffness(nodes, 0.0);
-    for (const double a : area) mean_spacing_ += std::sqrt(a) / static_cast<double>(nodes);
     for (std::size_t i = 0; i < nodes; ++i)
       if (area[i] > 0.0) stiffness[i] = surface.modulus[i] / (beta * std::sqrt(area[i] / M_PI));
     std::vector<std::vector<Point>> points(nodes);
     const std::vector<Vector3<>> normals = smooth_normals(surface);
     for (const auto& t : surface.triangles) add_triangle(surface, normals, stiffness, t, points_per_corner, points);
     store(points);
+  }
+
+  /// Mean square root of the area of a node's patch, m.
+  [[nodiscard]] static double mean_spacing(const ContactSurface& surface) {
+    double sum = 0.0;
+    for (const double area : patch_areas(surface)) sum += std::sqrt(area) / static_cast<double>(surface.modulus.size());
+    return sum;
   }
 
   [[nodiscard]] std::int32_t size() const noexcept { return static_cast<std::int32_t>(reach_.size()); }
@@ -65,9 +68,6 @@ class PatchPoints {
   [[nodiscard]] double reach(std::int32_t node) const noexcept { return reach_[at(node)]; }
   /// Largest reach of all nodes, m.
   [[nodiscard]] double max_reach() const noexcept { return max_reach_; }
-
-  /// Mean square root of the area of a node's patch, m.
-  [[nodiscard]] double mean_spacing() const noexcept { return mean_spacing_; }
 
   /// Coordinates of the points: offset from the node [m] (0 to 2), outward unit normal (3 to 5), stiffness [N/m] (6).
   [[nodiscard]] const float* coordinate(std::size_t number) const noexcept { return columns_[number].data()->value.data(); }
@@ -84,6 +84,15 @@ class PatchPoints {
   [[nodiscard]] static Vector3<> area_vector(const ContactSurface& surface, const std::array<std::int32_t, 3>& t) {
     const Vector3<>&a = surface.vertices[at(t[0])], &b = surface.vertices[at(t[1])], &c = surface.vertices[at(t[2])];
     return 0.5 * (b - a).cross(c - a);
+  }
+
+  /// Area of the patch of each node, m^2.
+  [[nodiscard]] static std::vector<double> patch_areas(const ContactSurface& surface) {
+    std::vector<double> area(surface.modulus.size(), 0.0);
+    for (const auto& t : surface.triangles)
+      for (const std::int32_t v : t)
+        if (surface.node[at(v)] >= 0) area[at(surface.node[at(v)])] += area_vector(surface, t).norm() / 3.0;
+    return area;
   }
 
   /// Unit normals of the vertices; zero where an adjacent triangle deviates by more than 35 degrees: edges stay sharp.
@@ -170,7 +179,7 @@ class PatchPoints {
 
   std::vector<std::size_t> begin_;                         // of each node's points, and the end
   std::vector<double> reach_;                              // by node, m
-  double max_reach_ = 0.0, mean_spacing_ = 0.0;            // m
+  double max_reach_ = 0.0;                                 // m
   std::array<std::vector<detail::FloatLine>, 7> columns_;  // see coordinate()
 };
 

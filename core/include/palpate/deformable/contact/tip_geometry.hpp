@@ -16,9 +16,9 @@ struct TipGeometry {
     capsule,   ///< points within `radius` of the segment from the center to center + length axis; a sphere has length 0
     cylinder,  ///< rod from the center of its flat end along the axis, without other end, see in_cylinder()
   };
-  Shape shape = Shape::capsule;
   static constexpr double flare_slope = 1.3;  ///< fitted to presses of flat ends to 0.6 of their radius
 
+  Shape shape = Shape::capsule;
   double radius = 5e-3;                 ///< m
   double length = 0.0;                  ///< of a capsule's segment, m
   double flare = 0.0;                   ///< of a cylinder, m; positive, at most `radius`

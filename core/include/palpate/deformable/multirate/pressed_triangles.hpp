@@ -199,11 +199,7 @@ class PressedTriangles {
       reach = max_of(reach, detail::dot(arm, arm));
       size = max_of(size, model_->triangles.load(LocalTriangles::radius + c, first));
     }
-    const Scalar depth =
-        tip.kind == Tip::Kind::sphere
-            ? depth_in_sphere<Scalar>(tip, center, center).depth
-            : TipGeometry::in_cylinder<Scalar>(center, center, tip.outward, Scalar(tip.radius), Scalar(LayerConstants::flare) * size).depth;
-    return any(depth + sqrt(reach) > Scalar(-margin));
+    return any(depth_in_tip<Scalar>(tip, center, center, size).depth + sqrt(reach) > Scalar(-margin));
   }
 
   alignas(64) Displacements listed_displacement_{};  // when the list was made

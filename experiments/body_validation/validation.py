@@ -14,12 +14,14 @@ from palpate.arrays import Array
 from palpate.fem.body import Body
 from palpate.fem.builder import build
 from palpate.fem.checks import whole
+from palpate.fem.material import SurfaceLayer
 from palpate.fem.selectors import box, half_space
 from palpate.fem.volume import Volume, block, grid
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from experiments.body_validation import indenter as punch
+from experiments.body_validation.axisymmetric import LayeredCylinder
 from experiments.body_validation.passivity import energy_out, small_body
 
 __all__ = [
@@ -29,6 +31,7 @@ __all__ = [
     "lattice_rows",
     "linearized_mass_spring",
     "on_cylinder",
+    "on_skin",
     "validate",
 ]
 
@@ -69,14 +72,14 @@ def hertz(spacing: float, depth: float = 1.25e-3, radius: float = 20e-3) -> floa
     return float(indentation.force[2] / (4 / 3 * young / (1 - poisson**2) * np.sqrt(radius) * depth**1.5))
 
 
-_CYLINDER: Final = {0.8e-3: 0.0380, 2e-3: 0.1533, 4e-3: 0.4060}  # m: N, sphere of 8 mm, see `on_cylinder`
-_CYLINDER_PUNCH: Final = 164.4  # N/m, flat punch of 5 mm
+_SKINS: Final = (LayeredCylinder(8e3, 60e3, 1.5e-3), LayeredCylinder(20e3, 5e3, 3e-3))  # others than those fitted
 
 
-def cylinder(spacing: float, radius: float = 30e-3, height: float = 20e-3) -> Volume:
-    """Return a cylinder about the z axis: a block whose square sections are mapped to circles."""
+def cylinder(spacing: float, radius: float = 30e-3, height: float = 20e-3, skin: float | None = None) -> Volume:
+    """Return a cylinder about the z axis: a block whose square sections are mapped to circles. A skin is one cell."""
     count = round(2.0 * radius / spacing)
-    square = block((2.0 * radius, 2.0 * radius, height), (2.0 * radius / count, 2.0 * radius / count, spacing))
+    size, across = (2.0 * radius, 2.0 * radius, height), 2.0 * radius / count
+    square = block(size, (across, across, spacing), layers=() if skin is None else (skin,))
     x, y, z = (square.points - [radius, radius, 0.0]).T
     return Volume(
         np.stack([x * np.sqrt(1.0 - 0.5 * (y / radius) ** 2), y * np.sqrt(1.0 - 0.5 * (x / radius) ** 2), z], axis=1),
@@ -88,22 +91,50 @@ def cylinder(spacing: float, radius: float = 30e-3, height: float = 20e-3) -> Vo
 def on_cylinder(spacing: float, positions: int = 10) -> list[Row]:
     """Return rows, as `validate`, of contact by signed distance, mean over positions near the middle.
 
-    The references are converged axisymmetric quadratic elements, with contact along the sphere's own normals. The body
-    is a cylinder of 30 mm radius and 20 mm height, bonded below, 10 kPa, nu 0.45.
+    The references are axisymmetric elements. The body is a cylinder of 30 mm radius and 20 mm height, bonded below,
+    10 kPa, nu 0.45.
     """
-    top = half_space("z", ">", 20e-3 - 1e-9)
-    body = build(cylinder(spacing), young=10e3, poisson=0.45, fixed=_BOTTOM, touch=top).signed_distance()
-    at = np.column_stack([np.random.default_rng(1).uniform(-3e-3, 3e-3, (positions, 2)), np.full(positions, 20e-3)])
-    rows = []
-    for depth, force in _CYLINDER.items():
-        mean = np.mean([body.indent(x, 8e-3, depth).force[2] for x in at]) / force
+    body, at = _pressed_cylinder(spacing, LayeredCylinder(10e3, 10e3, spacing), positions)
+    same, rows = LayeredCylinder(10e3, 10e3, 2e-3), []
+    for depth in (0.8e-3, 2e-3, 4e-3):
+        mean = np.mean([body.indent(x, 8e-3, depth).force[2] for x in at]) / same.sphere(8e-3, depth)
         name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, sphere {1e3 * depth:g} mm deep"
         rows.append(_row(name, float(mean) - 1.0, 0.08))
     for depth in (0.5e-3, 2e-3):
         stiffness = np.mean([body.indent(x, 5e-3, depth, tip="flat").force[2] for x in at]) / depth
         name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, flat punch {1e3 * depth:g} mm deep"
-        rows.append(_row(name, float(stiffness) / _CYLINDER_PUNCH - 1.0, 0.04))
+        rows.append(_row(name, float(stiffness) / same.flat_end(5e-3) - 1.0, 0.04))
     return rows
+
+
+def on_skin(spacing: float, positions: int = 10) -> list[Row]:
+    """Return rows, as `validate`, of contact by signed distance on a stiff and on a soft skin, one cell thick."""
+    rows = []
+    for skin in _SKINS:
+        body, at = _pressed_cylinder(spacing, skin, positions)
+        words = f"{1e3 * skin.skin:g} mm of {1e-3 * skin.skin_young:g} kPa on {1e-3 * skin.young:g} kPa"
+        name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, skin of {words}"
+        for depth in (0.75e-3, 1.5e-3, 3e-3):
+            mean = np.mean([body.indent(x, 10e-3, depth).force[2] for x in at]) / skin.sphere(10e-3, depth)
+            rows.append(_row(f"{name}, sphere {1e3 * depth:g} mm deep", float(mean) - 1.0, 0.08))
+        stiffness = np.mean([body.indent(x, 6e-3, 1e-3, tip="flat").force[2] for x in at]) / 1e-3
+        rows.append(_row(f"{name}, flat punch", float(stiffness) / skin.flat_end(6e-3) - 1.0, 0.08))
+    return rows
+
+
+def _pressed_cylinder(spacing: float, material: LayeredCylinder, positions: int) -> tuple[Body, Array]:
+    """Return a body with contact by signed distance, and points (n, 3) near the middle of its top, m."""
+    layered = material.skin_young != material.young
+    body = build(
+        cylinder(spacing, material.radius, material.height, material.skin if layered else None),
+        young=material.young,
+        poisson=material.poisson,
+        surface_layer=SurfaceLayer(material.skin, material.skin_young) if layered else None,
+        fixed=_BOTTOM,
+        touch=half_space("z", ">", material.height - 1e-9),
+    )
+    aside = np.random.default_rng(1).uniform(-3e-3, 3e-3, (positions, 2))
+    return body.signed_distance(), np.column_stack([aside, np.full(positions, material.height)])
 
 
 def validate(progress: Progress | None = None, *, paths: int = 10_000) -> list[Row]:
@@ -123,7 +154,7 @@ def validate(progress: Progress | None = None, *, paths: int = 10_000) -> list[R
     rows += _flat_ends(report)
     report("cylinders, contact by signed distance", 0.55)
     for spacing in (5e-3, 4e-3, 3e-3):
-        rows += on_cylinder(spacing)
+        rows += on_cylinder(spacing) + on_skin(spacing)
     rows += lattice_rows(progress=report)
     return rows + _closed_paths(report, paths)
 

@@ -23,6 +23,7 @@
 namespace body_arrays {
 
 using Points = nanobind::ndarray<const double, nanobind::shape<-1, 3>, nanobind::c_contig, nanobind::device::cpu>;
+using Moduli = nanobind::ndarray<const double, nanobind::shape<-1, 2>, nanobind::c_contig, nanobind::device::cpu>;
 using Numbers = nanobind::ndarray<const double, nanobind::shape<-1>, nanobind::c_contig, nanobind::device::cpu>;
 using Matrix = nanobind::ndarray<const float, nanobind::shape<-1, -1>, nanobind::c_contig, nanobind::device::cpu>;
 using Flags = nanobind::ndarray<const bool, nanobind::shape<-1>, nanobind::c_contig, nanobind::device::cpu>;
@@ -70,14 +71,17 @@ auto new_points(std::size_t n, At at) {
   return array;
 }
 
-/// Return the contact surface of a body. `node` is the contact node of each vertex, or -1.
+/// Return the contact surface of a body. `node` is the contact node of each vertex, or -1. `modulus` (n, 2) is that of the layer under
+/// round tips and under flat ends, Pa.
 inline palpate::deformable::ContactSurface contact_surface(const Points& vertices, const IndexRows<3>& triangles, const Indices& node,
-                                                           const Numbers& modulus) {
+                                                           const Moduli& modulus) {
   bool fit = node.shape(0) == vertices.shape(0);
   for (std::size_t i = 0; i < node.shape(0); ++i)
     fit = fit && node.data()[i] >= -1 && node.data()[i] < static_cast<std::int32_t>(modulus.shape(0));
   if (!fit) throw nanobind::value_error("the contact surface does not match the body's nodes");
-  return {points(vertices), rows<3>(triangles, vertices.shape(0)), {node.data(), node.data() + node.shape(0)}, numbers(modulus)};
+  std::vector<palpate::deformable::LayerModulus> layer;
+  for (std::size_t i = 0; i < modulus.shape(0); ++i) layer.push_back({modulus(i, 0), modulus(i, 1)});
+  return {points(vertices), rows<3>(triangles, vertices.shape(0)), {node.data(), node.data() + node.shape(0)}, std::move(layer)};
 }
 
 inline palpate::deformable::SpringNetworkData network_parts(const Points& positions, const Numbers& masses, const Flags& fixed,

@@ -187,7 +187,7 @@ void bind_signed_distance(nb::module_& m) {
       .def(
           "__init__",
           [](SignedDistanceCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
-             const Points& vertices, const IndexRows<3>& triangles, const Indices& node, const Numbers& modulus, double poisson,
+             const Points& vertices, const IndexRows<3>& triangles, const Indices& node, const Moduli& modulus, double poisson,
              const Matrix& shapes, const Numbers& frequencies, double period, double alpha, double beta, double instantaneous_ratio,
              double retardation_time, double sideways, int tips, double mu_static, double mu_dynamic, int lanes,
              const std::optional<Points>& contact_points) {

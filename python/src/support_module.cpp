@@ -82,7 +82,7 @@ void bind_supports(nb::module_& m) {
           "__init__",
           [](SupportedCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
              const std::vector<std::int64_t>& steps, const Roles& roles, const Points& vertices, const IndexRows<3>& triangles,
-             const Indices& node, const Numbers& modulus, double poisson, double sideways, int lanes,
+             const Indices& node, const Moduli& modulus, double poisson, double sideways, int lanes,
              const std::optional<Points>& contact_points, double mu_static, double mu_dynamic, double period, double instantaneous_ratio,
              double retardation_time) {
             if (modulus.shape(0) != at.shape(0) ||

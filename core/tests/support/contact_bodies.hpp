@@ -40,7 +40,7 @@ struct SurfaceBody {
     }
     for (Vector3<>& normal : normals) normal.normalize();
     for (std::size_t i = 0; i < n; ++i) surface.node.push_back(static_cast<std::int32_t>(i));
-    surface.modulus.assign(n, modulus);
+    surface.modulus.assign(n, {modulus, modulus});
     std::vector<float> full(9 * n * n);
     for (std::size_t i = 0; i < n; ++i)
       for (std::size_t j = 0; j < n; ++j) {

@@ -18,7 +18,9 @@ from palpate import _core
 from palpate.arrays import Array, Flags, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
+from palpate.contact.simplices import area_vectors
 from palpate.fem.errors import BodyError
+from palpate.fem.layer_modulus import layer_moduli
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 from palpate.fem.multifrontal import MultifrontalSolver
 from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches, given_network
@@ -345,24 +347,24 @@ class CondensedBody:
         return on_surface[self.contents.nodes], on_surface[self.triangles[self.contents.contact_triangles]]
 
     def _contact_patches(self) -> tuple[Array, NDArray[np.int32], NDArray[np.int32], Array]:
-        """Return vertices (v, 3), triangles (k, 3), nodes of the vertices (v,), moduli of the nodes (n,)."""
+        """Return vertices (v, 3), triangles (k, 3), nodes of the vertices (v,), moduli of their layers (n, 2), Pa."""
         used, faces = self._contact_surface
         node_of = np.full(len(self.points), -1, dtype=np.int32)
         node_of[self.contents.nodes] = np.arange(len(self.nodes), dtype=np.int32)
-        modulus = self._node_moduli() / (1.0 - self._recorded("poisson") ** 2)
+        modulus = self._layer_moduli() / (1.0 - self._recorded("poisson") ** 2)
         triangles = np.ascontiguousarray(faces.reshape(-1, 3), dtype=np.int32)
         return np.ascontiguousarray(self.points[used]), triangles, node_of[used], modulus
 
-    def _node_moduli(self) -> Array:
-        """Return the mean Young's modulus of the tetrahedra at each node (n,), Pa."""
-        tetrahedra, count = self.contents.tetrahedra, len(self.contents.vertices)
-        if len(tetrahedra) == 0:
+    def _layer_moduli(self) -> Array:
+        """Return Young's modulus of the contact's layer under round tips and under flat ends (n, 2), Pa."""
+        contents = self.contents
+        if len(contents.tetrahedra) == 0:
             scale = float(self.record.get("scaled_stiffness", 1.0))
-            return np.full(len(self.nodes), scale * self._recorded("young_Pa"))
-        weights = np.bincount(tetrahedra.ravel(), minlength=count)
-        young = np.bincount(tetrahedra.ravel(), np.repeat(self.contents.young, 4), minlength=count)
-        at = self._volume_triangles()[0]
-        return np.asarray(young[at] / weights[at])
+            return np.full((len(self.nodes), 2), scale * self._recorded("young_Pa"))
+        faces = self.triangles[contents.contact_triangles]
+        thirds = np.linalg.norm(area_vectors(self.points, faces), axis=1) / 3.0
+        areas = np.bincount(faces.ravel(), np.repeat(thirds, 3), minlength=len(self.points)).astype(float)
+        return layer_moduli(self.nodes, self.normals, areas[contents.nodes], self.volume, contents.young)
 
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         nodes, triangles = self._volume_triangles()

@@ -283,13 +283,14 @@ template <class Model, class Make>
   out.vertices = from.points("vertices");
   out.triangles = read_indices<3>(from, "triangles", out.vertices.size());
   out.node = from.blob<std::int32_t>("vertex_nodes", static_cast<std::int64_t>(out.vertices.size()), 1);
-  out.modulus = from.blob<double>("modulus", nodes, 1);
+  const std::vector<double> modulus = from.blob<double>("modulus", nodes, 2);
   out.poisson = from.number("poisson", -1.0, 0.5);
   if (!reader.ok()) return out;
   if (std::any_of(out.node.begin(), out.node.end(), [&](std::int32_t node) { return node < -1 || node >= nodes; }))
     from.fail("vertex_nodes", "must hold contact nodes, or -1");
-  if (std::any_of(out.modulus.begin(), out.modulus.end(), [](double modulus) { return !(modulus > 0.0 && modulus < 1e15); }))
+  if (std::any_of(modulus.begin(), modulus.end(), [](double each) { return !(each > 0.0 && each < 1e15); }))
     from.fail("modulus", "must hold numbers from 0 to 1e15 Pa");
+  for (std::size_t i = 0; i + 1 < modulus.size(); i += 2) out.modulus.push_back({modulus[i], modulus[i + 1]});
   return out;
 }
 

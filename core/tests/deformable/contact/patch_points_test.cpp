@@ -7,7 +7,7 @@
 
 namespace {
 
-using palpate::deformable::PatchPoints, palpate::math::Vector3;
+using palpate::deformable::LayerModulus, palpate::deformable::PatchPoints, palpate::math::Vector3;
 
 contact_bodies::SurfaceBody body_on(const shapes::Shape& shape) {
   return contact_bodies::soft(shape, 1e4, 1e-4, 5e-3);
@@ -32,17 +32,19 @@ std::vector<double> patch_areas(const contact_bodies::SurfaceBody& body) {
   return area;
 }
 
-// E* A / (beta b) with the radius b of a circle of the patch's area A.
+// E* A / (beta b) with the radius b of a circle of the patch's area A, and the modulus of the kind of tip.
 TEST(PatchPoints, TheirStiffnessIsThatOfTheLayerOverThePatch) {
-  const auto body = body_on(shapes::ball(4, 10e-3));
+  auto body = body_on(shapes::ball(4, 10e-3));
+  body.surface.modulus.assign(body.surface.modulus.size(), {1e4, 3e4});
   const std::vector<double> area = patch_areas(body);
   for (const int per_corner : {1, 3}) {
-    const PatchPoints points(body.surface, 0.5, per_corner);
+    const bool round = per_corner == 1;
+    const PatchPoints points(body.surface, round ? &LayerModulus::round : &LayerModulus::flat, 0.5, per_corner);
     for (std::int32_t i = 0; i < points.size(); ++i) {
       double sum = 0.0;
       for (std::size_t q = points.begin(i); q < points.end(i); ++q) sum += point(points, q).stiffness;
       const double of_node = area[static_cast<std::size_t>(i)];
-      EXPECT_NEAR(sum, 1e4 * of_node / (0.5 * std::sqrt(of_node / M_PI)), 1e-5 * sum);
+      EXPECT_NEAR(sum, (round ? 1e4 : 3e4) * of_node / (0.5 * std::sqrt(of_node / M_PI)), 1e-5 * sum);
     }
   }
 }
@@ -86,7 +88,7 @@ TEST(PatchPoints, StayOnTheFacesOfABoxAndFixedVerticesHaveNone) {
       EXPECT_NEAR(p.normal.cwiseAbs().maxCoeff(), 1.0, 1e-6);
     }
   body.surface.node[0] = -1;
-  const PatchPoints points(body.surface, 0.85, 1);
+  const PatchPoints points(body.surface, &LayerModulus::round, 0.85, 1);
   EXPECT_EQ(points.begin(0), points.end(0));
 }
 

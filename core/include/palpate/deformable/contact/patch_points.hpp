@@ -14,12 +14,18 @@
 
 namespace palpate::deformable {
 
+/// E / (1 - nu^2) of the elastic layer of a node, Pa. They differ where the stiffness varies with the depth.
+struct LayerModulus {
+  double round;  ///< under a capsule or sphere
+  double flat;   ///< under a cylinder
+};
+
 /// Triangulated contact surface of a body.
 struct ContactSurface {
   std::vector<Vector3<>> vertices;                     ///< at rest, m
   std::vector<std::array<std::int32_t, 3>> triangles;  ///< counterclockwise seen from outside
   std::vector<std::int32_t> node;                      ///< contact node of each vertex; -1: fixed
-  std::vector<double> modulus;                         ///< E / (1 - nu^2) at each contact node, Pa
+  std::vector<LayerModulus> modulus;                   ///< of each contact node
   double poisson = 0.45;                               ///< Poisson's ratio nu
 };
 
@@ -41,13 +47,14 @@ class PatchPoints {
 
   PatchPoints() = default;
 
+  /// @param modulus            of the layer, by kind of tip
   /// @param points_per_corner  points on the sixth of a triangle beside each half edge: 1 or 3, i.e. 12 or 36 points per regular node
-  PatchPoints(const ContactSurface& surface, double beta, int points_per_corner) {
+  PatchPoints(const ContactSurface& surface, double LayerModulus::*modulus, double beta, int points_per_corner) {
     const std::vector<double> area = patch_areas(surface);
     const std::size_t nodes = area.size();
     std::vector<double> stiffness(nodes, 0.0);
     for (std::size_t i = 0; i < nodes; ++i)
-      if (area[i] > 0.0) stiffness[i] = surface.modulus[i] / (beta * std::sqrt(area[i] / M_PI));
+      if (area[i] > 0.0) stiffness[i] = surface.modulus[i].*modulus / (beta * std::sqrt(area[i] / M_PI));
     std::vector<std::vector<Point>> points(nodes);
     const std::vector<Vector3<>> normals = smooth_normals(surface);
     for (const auto& t : surface.triangles) add_triangle(surface, normals, stiffness, t, points_per_corner, points);
@@ -192,8 +199,8 @@ struct ContactPatches {
 
   ContactPatches() = default;
   explicit ContactPatches(const ContactSurface& surface, const Creep& law = {})
-      : round(surface, PatchPoints::sphere_beta * law.period_ratio, 1),
-        flat(surface, PatchPoints::flat_beta * law.period_ratio, 3),
+      : round(surface, &LayerModulus::round, PatchPoints::sphere_beta * law.period_ratio, 1),
+        flat(surface, &LayerModulus::flat, PatchPoints::flat_beta * law.period_ratio, 3),
         shear_ratio(2.0 * (1.0 - surface.poisson) / (2.0 - surface.poisson)),
         creep(law) {}
 };

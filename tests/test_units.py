@@ -95,7 +95,7 @@ def test_units_are_converted_to_si(text: str, unit: str, value: float) -> None:
         ("1e999 N", "N", "too large"),
         ("1 Newtun", "N", 'the unit "Newtun" is not known'),
         ("20 degC", "K", "not known"),
-        ("3,5 N", "N", "write it as"),
+        ("3,5 N", "N", "write for example"),
         ("1.2.3 N", "N", "cannot be read"),
         ("", "N", "cannot be read"),
         ("N", "N", "cannot be read"),
@@ -255,10 +255,10 @@ def test_what_is_no_unit_is_not_known() -> None:
     assert len(most) == 60
     assert parse_quantity(f"2 {most}", "m") == 2.0
     assert refusal(f"2 {most.replace('/', ' /')}", "m").startswith('"2 m*m')
-    assert 'is not known; write it as "10 mm"' in refusal(f"2 {most.replace('/', ' /')}", "m")
+    assert 'is not known; write for example "10 mm"' in refusal(f"2 {most.replace('/', ' /')}", "m")
     for text, unit in (("20 degC", "K"), ("20 J/degC", "J/K"), ("20 J/degF", "J/K"), ("3 m^100", "m"), ("3 m?", "m")):
         written = text.partition(" ")[2]
-        expected = f'"{text}": the unit "{written}" is not known; write it as "{UNITS[unit][1]}"'
+        expected = f'"{text}": the unit "{written}" is not known; write for example "{UNITS[unit][1]}"'
         assert refusal(text, unit) == expected
     assert refusal("1 m", "furlongz") == 'the requested unit "furlongz" is not known'
     assert refusal("1 " + 50 * "q", "m").startswith(f'"1 {50 * "q"}": the unit "{40 * "q"}" is not known')
@@ -269,8 +269,8 @@ def test_a_message_shows_a_value_of_60_characters_whole() -> None:
     remedy = "; write a plain number"
     assert refusal("x" * 58, "") == f'"{"x" * 58}" cannot be read as a plain number{remedy}'
     assert refusal("x" * 59, "") == f'"{"x" * 56}..." cannot be read as a plain number{remedy}'
-    assert refusal("x", "m") == '"x" cannot be read as a number with a unit; write it as "10 mm"'
-    assert refusal(None, "furlongz") == 'None is not a quantity; write it as "1 furlongz"'
+    assert refusal("x", "m") == '"x" cannot be read as a number with a unit; write for example "10 mm"'
+    assert refusal(None, "furlongz") == 'None is not a quantity; write for example "1 furlongz"'
 
 
 @pytest.mark.parametrize("unit", [unit for unit in UNITS if unit != "byte"])

@@ -266,7 +266,7 @@ def _measure(unit: str) -> str:
 
 def _remedy(unit: str) -> str:
     """Return the remedy of a message; a plain number has no example, because none is valid everywhere."""
-    return "write a plain number" if unit in _PLAIN else f"write it as {_example(unit)}"
+    return "write a plain number" if unit in _PLAIN else f"write for example {_example(unit)}"
 
 
 def _without_unit(shown: str, number: str, unit: str) -> str:

@@ -77,8 +77,8 @@ def test_the_measures_of_a_loop_are_told_line_by_line(tmp_path: Path, monkeypatc
             "device: peak force 8.5 to 9.25 N, tip mass 60 to 123 g, isotropy 0.46 (Jacobian), 0.79 (inertia)" + end,
             "along (1, 0, -0.123): stiffness at rest 1235 N/m; transparent to within 23 % up to 12.3 Hz; rate-hardness "
             "543.2 N/m; force bandwidth 98.8 Hz; static error 1.23 %",
-            "along (1, 0, -0.123): infinite stiffness at rest; not transparent to within 23 % at 0.1 Hz; force "
-            "bandwidth 98.8 Hz; static error 1.23 %",
+            "along (1, 0, -0.123): infinite stiffness at rest (an integrator admits no steady deflection); not "
+            "transparent to within 23 % at 0.1 Hz; force bandwidth 98.8 Hz; static error 1.23 %",
             "An arm.",
             ("a [remark] " * 12).strip(),
             str(out / "performance.html"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -147,6 +148,25 @@ def test_a_tip_that_is_pushed_through_loses_contact_and_gains_no_energy(body: Bo
     assert path_work(felt, path).sum() > 0.0
     with pytest.raises(BodyError, match="pushed through the body at"):
         body.indent(AT, 4e-3, 9e-3)
+
+
+def test_a_press_whose_force_falls_with_the_depth_is_warned_of(body: Body) -> None:
+    forces: list[float] = []
+    falls: list[bool] = []
+    for depth in np.arange(3.5e-3, 9e-3, 1e-4):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                forces.append(float(body.indent(AT, 4e-3, depth).force[2]))
+            except BodyError:  # pushed through
+                break
+        told = [one for one in caught if "the force is largest at a depth of" in str(one.message)]
+        assert all(one.filename == __file__ for one in told)
+        falls.append(len(told) == 1)
+    fallen = np.array(forces) / np.maximum.accumulate(forces)
+    assert min(fallen) < 0.99
+    assert not any(np.array(falls) & (fallen > 0.995))
+    assert all(np.array(falls)[fallen < 0.985])
 
 
 def test_sideways_displacement_counts_by_its_fraction(body: Body) -> None:

@@ -308,9 +308,8 @@ BEGINS = "presses the body in by 2 mm with 0.5 N"
         (
             {"nodes": 4, "unsolved": 5, "contact_lost": 6},
             f"{BEGINS} (largest force 0.75 N), rests in contact at the end; in 5 samples the contact force was not "
-            "found: too many nodes lie under the tip, it inverts tetrahedra, it moves too fast, or the contact has not "
-            "converged; in 6 samples the "
-            "contact was lost: the tip was pushed through the body",
+            "found: too many nodes lie under the tip, it inverts tetrahedra of a hyperelastic body, it moves too fast, "
+            "or the contact has not converged; in 6 samples the contact was lost: the tip was pushed through the body",
         ),
         (
             {"contact_lost": 1},

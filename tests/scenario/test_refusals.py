@@ -430,7 +430,7 @@ REFUSED: list[tuple[Callable[..., dict[str, Any]], dict[str, Any], str]] = [
     (tables, {"controller": {"kind": "lqg", "integrators": 1}},
      "controller.integrators: 1 is neither true nor false"),
     (tables, {"controller": {"kind": "lqg", "speed_weight": ["1 s", "1 s", "1 s"]}},
-     "controller.speed_weight: ['1 s', '1 s', '1 s'] is not a quantity; write it as \"0.5 ms\""),
+     "controller.speed_weight: ['1 s', '1 s', '1 s'] is not a quantity; write for example \"0.5 ms\""),
     (tables, {"controller": {"kind": "lqg", "noise": ["1 N", "1 N"]}},
      "controller.noise: 2 values where 3 are needed, or one value for all axes"),
     (tables, {"controller": {"kind": "workspace", "operator_mass": "1 m"}},
@@ -592,7 +592,7 @@ REFUSED: list[tuple[Callable[..., dict[str, Any]], dict[str, Any], str]] = [
      "reference: an admittance_display has no reference force; the operator pushes: write [operator] "
      'kind = "force" or "arm" instead'),
     (tables, {"object": {"stiffness": {}}},
-     'object.stiffness: {} is not a quantity; write it as "3.5 N/mm"'),
+     'object.stiffness: {} is not a quantity; write for example "3.5 N/mm"'),
     (tables, {"object": {"normal": [1, 2]}, },
      "object.normal: [1, 2] is not a list of three plain numbers, such as [0, 0, 1]"),
     (tables, {"description": ["x"]},

@@ -53,7 +53,9 @@ def performance(
         where = ", ".join(f"{part:.3g}" for part in one.direction)
         stiffness, transparent = one.static_stiffness, one.transparency_bandwidth
         parts = [
-            "infinite stiffness at rest" if math.isinf(stiffness) else f"stiffness at rest {stiffness:.4g} N/m",
+            "infinite stiffness at rest (an integrator admits no steady deflection)"
+            if math.isinf(stiffness)
+            else f"stiffness at rest {stiffness:.4g} N/m",
             f"transparent to within 23 % up to {transparent:.3g} Hz"
             if transparent
             else "not transparent to within 23 % at 0.1 Hz",

@@ -39,6 +39,7 @@ OVERLAPS_FIXED: Final = (
     "away from it"
 )
 _SIDEWAYS: Final = 0.5  # cosine between the force on a tip and the normal of a press below which it points sideways
+_FALLEN: Final = 0.99  # force over the largest one of a press, below which it has fallen
 _STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
 
 
@@ -80,8 +81,8 @@ class IndentableBody(CondensedBody):
 
         Inertia and creep are left out (`modal`, `viscoelastic`). An indentation from rest has no friction, except for
         `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
-        Fewer than four nodes in contact, a tip smaller than the distance of the nodes, and a tip that overlaps a fixed
-        or held part of the surface cause a warning.
+        Fewer than four nodes in contact, a tip smaller than the distance of the nodes, a tip that overlaps a fixed or
+        held part of the surface, and by signed distance a force that falls with the depth cause a warning.
 
         Args:
             point: (3,), m or text such as "5 mm".
@@ -219,6 +220,15 @@ class IndentableBody(CondensedBody):
             warnings.simplefilter("ignore", BodyWarning)  # the last step decides
             history = self.simulate_path(center + np.outer(left, normal), size, outward=normal, tip=tip)
         if not history.lost[-1]:
+            push = history.force @ normal
+            if push[-1] < _FALLEN * push.max():
+                warnings.warn(
+                    f"the force is largest at a depth of {1e3 * (deep - left[np.argmax(push)]):.3g} mm and falls from "
+                    "there on: the tip slips off, or is so deep that contact by signed distance is too soft, which "
+                    "begins at about one radius: use a smaller depth or a larger tip, or no signed_distance",
+                    BodyWarning,
+                    stacklevel=4,
+                )
             return self.simulate_path(center[None], size, outward=normal, tip=tip)
         until = 1e3 * (deep - left[np.argmax(history.lost)])
         raise BodyError(
@@ -265,9 +275,8 @@ class IndentableBody(CondensedBody):
             path: centers of the tip (m, 3), m or text.
             radius: of the sphere, or of the flat end of a rod, m or text.
             outward: direction out of the body, which is also the axis of a flat end: (3,) or (m, 3). None selects,
-                for a sphere, the mean normal of the nodes in contact or the normal of the nearest node. For a flat
-                end it selects the normal
-                of the nearest surface point for a flat end.
+                for a sphere, the mean normal of the nodes in contact or the normal of the nearest node, and for a flat
+                end the normal of the nearest surface point.
             tip: "sphere" or "flat".
 
         Raises:

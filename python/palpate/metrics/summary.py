@@ -253,9 +253,10 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     if found.over_fixed:
         text += f"; the tip {OVERLAPS_FIXED}"
     if found.unsolved:
-        text += f"; in {_samples(found.unsolved)} the contact force was not found"
-        text += ": too many nodes lie under the tip, it inverts tetrahedra, it moves too fast, or the contact has not "
-        text += "converged"
+        text += (
+            f"; in {_samples(found.unsolved)} the contact force was not found: too many nodes lie under the tip, it "
+            "inverts tetrahedra of a hyperelastic body, it moves too fast, or the contact has not converged"
+        )
     if found.contact_lost:
         text += f"; in {_samples(found.contact_lost)} the contact was lost: the tip was pushed through the body"
     return [text, *_began(_initial_depth(trace), "body")]

@@ -235,8 +235,8 @@ def _without_force(trace: Recorded, rows: slice = slice(None)) -> str | None:
     samples = f"{'the last ' if rows.start else ''}{len(missing)} samples"
     return (
         f"the contact force was not found in {np.count_nonzero(missing)} of {samples}: "
-        "more than 128 nodes lie under the tip, it inverts tetrahedra of the body, or the contact has not converged: "
-        "use a smaller force or tip, or a coarser mesh"
+        "more than 128 nodes lie under the tip, it inverts tetrahedra of a hyperelastic body, or the contact has "
+        "not converged: use a smaller force or tip, or a coarser mesh"
     )
 
 

@@ -270,6 +270,10 @@ def _margins(found: _Findings) -> dict[str, float]:
     return margin
 
 
+def _states(count: int) -> str:
+    return "1 state" if count == 1 else f"{count} states"
+
+
 def _method(s: Scenario, found: _Findings) -> list[str]:
     rest = found.rest
     if rest is None:
@@ -282,7 +286,7 @@ def _method(s: Scenario, found: _Findings) -> list[str]:
     else:
         how = (
             "The body's force per displacement of the tip is the impulse response of the core's own model, measured "
-            f"with its {rest.nodes} nodes in contact and realized with {rest.loop.body.nstates} states."
+            f"with its {rest.nodes} nodes in contact and realized with {_states(rest.loop.body.nstates)}."
         )
     steps = [how, f"Criteria, each on its own: {', '.join(rest.criteria)}."]
     if found.depths:

@@ -18,7 +18,7 @@ from skfem.helpers import ddot, sym_grad
 __all__ = ["LayeredCylinder"]
 
 _GROWTH: Final = 1.12  # ratio of the sizes of adjacent cells away from the contact
-_STIFFENING: Final = 300.0  # pressure of the contact over modulus and depth, 1/mm
+_PENALTY: Final = 3e5  # pressure of the contact over modulus and depth, 1/m
 _TOLERANCE: Final = 1e-8  # of the imbalance of forces
 _STEPS: Final = (1.0, 0.7, 0.5, 0.3, 0.1)  # parts of a Newton step, of which the one of least energy is made
 
@@ -52,8 +52,7 @@ class LayeredCylinder:
         near = mesh.facets_satisfying(lambda x: (x[1] > -1e-9) & (x[0] < 1.5 * radius))
         surface = skfem.FacetBasis(mesh, basis.elem, facets=near, intorder=6)
         free = np.setdiff1d(np.arange(basis.N), fixed)
-        penalty = 1e3 * _STIFFENING * max(self.young, self.skin_young)
-        contact = _Contact(radius, depth, penalty, surface)
+        contact = _Contact(radius, depth, _PENALTY * max(self.young, self.skin_young), surface)
         displacement = np.zeros(basis.N)
         for _ in range(100):
             load = contact.load(displacement)

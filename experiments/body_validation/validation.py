@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -72,7 +73,9 @@ def hertz(spacing: float, depth: float = 1.25e-3, radius: float = 20e-3) -> floa
     return float(indentation.force[2] / (4 / 3 * young / (1 - poisson**2) * np.sqrt(radius) * depth**1.5))
 
 
+_UNIFORM: Final = LayeredCylinder(10e3, 10e3, 2e-3)
 _SKINS: Final = (LayeredCylinder(8e3, 60e3, 1.5e-3), LayeredCylinder(20e3, 5e3, 3e-3))  # others than those fitted
+_sphere, _flat_end = cache(LayeredCylinder.sphere), cache(LayeredCylinder.flat_end)  # the same for every spacing
 
 
 def cylinder(spacing: float, radius: float = 30e-3, height: float = 20e-3, skin: float | None = None) -> Volume:
@@ -94,16 +97,16 @@ def on_cylinder(spacing: float, positions: int = 10) -> list[Row]:
     The references are axisymmetric elements. The body is a cylinder of 30 mm radius and 20 mm height, bonded below,
     10 kPa, nu 0.45.
     """
-    body, at = _pressed_cylinder(spacing, LayeredCylinder(10e3, 10e3, spacing), positions)
-    same, rows = LayeredCylinder(10e3, 10e3, 2e-3), []
+    body, at = _pressed_cylinder(spacing, _UNIFORM, positions)
+    rows = []
     for depth in (0.8e-3, 2e-3, 4e-3):
-        mean = np.mean([body.indent(x, 8e-3, depth).force[2] for x in at]) / same.sphere(8e-3, depth)
+        mean = np.mean([body.indent(x, 8e-3, depth).force[2] for x in at]) / _sphere(_UNIFORM, 8e-3, depth)
         name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, sphere {1e3 * depth:g} mm deep"
         rows.append(_row(name, float(mean) - 1.0, 0.08))
     for depth in (0.5e-3, 2e-3):
         stiffness = np.mean([body.indent(x, 5e-3, depth, tip="flat").force[2] for x in at]) / depth
         name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, flat punch {1e3 * depth:g} mm deep"
-        rows.append(_row(name, float(stiffness) / same.flat_end(5e-3) - 1.0, 0.04))
+        rows.append(_row(name, float(stiffness) / _flat_end(_UNIFORM, 5e-3) - 1.0, 0.04))
     return rows
 
 
@@ -115,10 +118,10 @@ def on_skin(spacing: float, positions: int = 10) -> list[Row]:
         words = f"{1e3 * skin.skin:g} mm of {1e-3 * skin.skin_young:g} kPa on {1e-3 * skin.young:g} kPa"
         name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, skin of {words}"
         for depth in (0.75e-3, 1.5e-3, 3e-3):
-            mean = np.mean([body.indent(x, 10e-3, depth).force[2] for x in at]) / skin.sphere(10e-3, depth)
+            mean = np.mean([body.indent(x, 10e-3, depth).force[2] for x in at]) / _sphere(skin, 10e-3, depth)
             rows.append(_row(f"{name}, sphere {1e3 * depth:g} mm deep", float(mean) - 1.0, 0.08))
         stiffness = np.mean([body.indent(x, 6e-3, 1e-3, tip="flat").force[2] for x in at]) / 1e-3
-        rows.append(_row(f"{name}, flat punch", float(stiffness) / skin.flat_end(6e-3) - 1.0, 0.08))
+        rows.append(_row(f"{name}, flat punch", float(stiffness) / _flat_end(skin, 6e-3) - 1.0, 0.08))
     return rows
 
 

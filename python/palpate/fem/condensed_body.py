@@ -18,7 +18,6 @@ from palpate import _core
 from palpate.arrays import Array, Flags, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
-from palpate.contact.simplices import area_vectors
 from palpate.fem.errors import BodyError
 from palpate.fem.layer_modulus import layer_moduli
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
@@ -361,10 +360,7 @@ class CondensedBody:
         if len(contents.tetrahedra) == 0:
             scale = float(self.record.get("scaled_stiffness", 1.0))
             return np.full((len(self.nodes), 2), scale * self._recorded("young_Pa"))
-        faces = self.triangles[contents.contact_triangles]
-        thirds = np.linalg.norm(area_vectors(self.points, faces), axis=1) / 3.0
-        areas = np.bincount(faces.ravel(), np.repeat(thirds, 3), minlength=len(self.points)).astype(float)
-        return layer_moduli(self.nodes, self.normals, areas[contents.nodes], self.volume, contents.young)
+        return layer_moduli(self.nodes, self.normals, contents.areas, self.volume, contents.young)
 
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         nodes, triangles = self._volume_triangles()

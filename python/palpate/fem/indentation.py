@@ -81,8 +81,8 @@ class IndentableBody(CondensedBody):
 
         Inertia and creep are left out (`modal`, `viscoelastic`). An indentation from rest has no friction, except for
         `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
-        Fewer than four nodes in contact, a tip smaller than the distance of the nodes, a tip that overlaps a fixed or
-        held part of the surface, and by signed distance a force that falls with the depth cause a warning.
+        Fewer than four nodes in contact, a tip smaller than the distance of the nodes, and a tip that overlaps a fixed
+        or held part of the surface cause a warning. So does, by signed distance, a force that falls with the depth.
 
         Args:
             point: (3,), m or text such as "5 mm".

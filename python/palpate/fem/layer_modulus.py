@@ -6,8 +6,8 @@ skin, its modulus is a mean of the moduli below the node. With the radius b of a
 * under round tips the weights are exp(-z / (1.15 b)), and the depths are springs in series;
 * under flat ends the weights are 1 / (z + b)^2, and the mean is that of the fourth roots.
 
-Both were fitted to layered cylinders of axisymmetric quadratic elements: skins of 1 to 4 mm, 0.2 to 5 times as stiff as
-the tissue below them, cells of 3.3 to 10 mm, spheres of 8 and 12 mm, flat ends of 5 and 8 mm.
+Both were fitted to layered cylinders of axisymmetric quadratic elements. Their skins of 1 to 4 mm were 0.2 to 5 times
+as stiff as the tissue below. Cells of 3.3 to 10 mm were pressed by spheres of 8 and 12 mm and flat ends of 5 and 8 mm.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ def _direction(a: DirectionalPerformance) -> str:
 
 
 def _stiffness(value: float) -> str:
-    return "infinite (integrator)" if math.isinf(value) else f"{value / 1e3:.4g} N/mm"
+    return "infinite" if math.isinf(value) else f"{value / 1e3:.4g} N/mm"
 
 
 def _hertz(value: float) -> str:

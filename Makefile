@@ -87,7 +87,7 @@ lint: .venv/lint-installed  ## check format, style and types
 
 tidy: .venv/lint-installed  ## analyze the C++ core with clang-tidy
 	$(BIN)/cmake -S . -B build/tidy -G Ninja -DCMAKE_MAKE_PROGRAM=$(CURDIR)/$(BIN)/ninja -DPALPATE_TESTS=ON -DPython_EXECUTABLE=$(CURDIR)/$(BIN)/python >/dev/null
-	$(BIN)/clang-tidy --quiet -p build/tidy core/tests/servo/simulation_test.cpp core/tests/support/every_header.cpp
+	$(BIN)/clang-tidy --quiet -p build/tidy core/tests/support/every_header.cpp
 
 format: .venv/lint-installed  ## format Python and C++
 	$(BIN)/ruff check --fix $(PYTHON_FOLDERS)

@@ -35,7 +35,7 @@ def test_core_under_sanitizers() -> None:
     options = ["-DPALPATE_TESTS=ON", "-DPALPATE_SANITIZE=ON", "-DPALPATE_WERROR=ON"]
     if os.environ.get("PALPATE_NIGHTLY"):
         options.append("-DPALPATE_NIGHTLY=ON")
-    if compiler := os.environ.get("PALPATE_SANITIZER_CXX"):
+    if compiler := os.environ.get("PALPATE_TEST_CXX"):
         options.append(f"-DCMAKE_CXX_COMPILER={compiler}")
     configured = configure(ROOT, build, *options)
     if "Could NOT find GTest" in configured.stderr:

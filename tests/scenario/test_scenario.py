@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import tomllib
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from palpate import simulate
+from palpate import Trace, simulate
 from palpate.devices import load
 from palpate.errors import DeviceError, PalpateError, ScenarioError
 from palpate.files import find_line
@@ -441,17 +442,22 @@ damping = "1 N*s/m"
     assert find_line(text, ("servo", "period")) is None
 
 
+@functools.cache
+def run(path: Path) -> Trace:
+    return simulate(path)
+
+
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_every_example_runs_with_a_finite_trace(path: Path) -> None:
     """What the README tells a newcomer to run, runs, and says something."""
-    trace = simulate(path)  # a trace refuses what is not finite
+    trace = run(path)  # a trace refuses what is not finite
     assert summarize(trace)["title"] == tomllib.loads(path.read_text("utf-8"))["title"]
     assert len(trace) > 100
 
 
 def test_the_examples_show_what_their_comments_promise() -> None:
     """Each comment's "What to look for", by number."""
-    runs = {path.stem: simulate(path) for path in SCENARIOS}
+    runs = {path.stem: run(path) for path in SCENARIOS}
     summaries = {name: summarize(trace) for name, trace in runs.items()}
     errors = {
         name: max(abs(row["error_percent"]) for row in summary["axes"].values())

@@ -63,7 +63,7 @@ class _Organ:
         node_contact = _core.ComplianceBody(self.points, self.normals, self.areas, self.compliance)
         count = len(self.points)
         nodes = np.arange(count, dtype=np.int32)
-        surface = (self.points, self.triangles.astype(np.int32), nodes, np.full(count, MODULUS))
+        surface = (self.points, self.triangles.astype(np.int32), nodes, np.full((count, 2), MODULUS))
         still = (np.zeros((3 * count, 0), dtype=np.float32), np.zeros(0))
         arrays = (self.points, self.normals, self.areas, self.compliance, *surface, 0.45)
         return {

@@ -71,10 +71,10 @@ TEST(LayerFriction, NoClosedPathGainsWork) {
 }
 
 // Law: what a node's traction lacks in one tick is made up in the next. So the work of a closed path does not depend on its steps, and a
-// tip that sticks has always worked as much as the body stores.
+// tip that sticks has always worked as much as the body stores, to 3e-4 of the largest energy where it moves fast.
 TEST(LayerFriction, SmallStepsDoTheWorkOfLargeOnes) {
   const SurfaceBody body = contact_bodies::soft(shapes::ball(3, 10e-3), 1e4, 6e-3, 4e-3);
-  const auto work_of = [&body](double mu, int ticks) {
+  const auto work_of = [&body](double mu, int ticks, double ahead) {
     SignedDistanceContact contact(body.nodes, body.compliance, body.patches, DryFriction{mu, mu});
     Vector3<> force = Vector3<>::Zero(), place(0.0, 0.0, 15.2e-3);
     double work = 0.0;
@@ -85,15 +85,18 @@ TEST(LayerFriction, SmallStepsDoTheWorkOfLargeOnes) {
         const Vector3<> next = from + (to - from) * k / ticks;
         const ContactResult& a = contact.step(TipGeometry::sphere(5e-3), next);
         work -= 0.5 * (a.force + force).dot(next - place);
-        EXPECT_LT(a.energy - work, 1e-10);
+        EXPECT_LT(a.energy - work, ahead);
         force = a.force;
         place = next;
       }
     }
     return work;
   };
-  EXPECT_NEAR(work_of(0.3, 5000) / work_of(0.3, 100), 1.0, 0.005);
-  work_of(50.0, 5000);
+  const double small = work_of(0.3, 5000, 1e-10);
+  EXPECT_NEAR(small / work_of(0.3, 1000, 6e-9), 1.0, 2e-4);
+  EXPECT_NEAR(small / work_of(0.3, 100, 6e-9), 1.0, 2e-3);
+  work_of(50.0, 5000, 1e-10);
+  work_of(50.0, 100, 6e-9);
 }
 
 TEST(LayerFriction, DoesNotDependOnTheFrameNorOnTheOrderOfTheNodes) {

@@ -217,7 +217,7 @@ def test_a_loop_that_lanes_cannot_run_is_refused_by_its_reason() -> None:
 
 
 def test_wide_code_stays_in_its_own_file(tmp_path: Path) -> None:
-    """No function that another file could share is compiled for a wide SIMD lane, or an older machine would stop at it."""
+    """No function that another file could share is compiled for wide lanes, or an older machine would stop at it."""
     compiler, names = shutil.which("g++"), shutil.which("nm")
     if compiler is None or names is None or platform.machine() != "x86_64":
         pytest.skip("needs g++ and nm on an x86 machine")

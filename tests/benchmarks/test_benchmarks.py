@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from palpate.errors import PalpateError
 from typer.testing import CliRunner
 
-from benchmarks import SECTIONS, run
+from benchmarks import SECTIONS, run, tick
 from benchmarks.__main__ import app
 from benchmarks.section import Effort, Rows, Section, timed, timed_cells
 
@@ -68,3 +69,16 @@ def test_every_section_fills_its_table() -> None:
             assert len(SECTIONS[name].cells(row)) == len(SECTIONS[name].headings)
             assert row.get("error_rad", 0.0) < 1e-6
             assert row.get("lost_ticks", 0) == 0
+
+
+def test_the_bodies_of_the_tick_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The section builds its bodies by itself, so a change of their constructors reaches it; here with few nodes."""
+    monkeypatch.setattr(tick, "PIECES", 4)
+    monkeypatch.setattr(tick, "MODES", 6)
+    organ = tick._organ()
+    top = organ.points[:, 2].max()
+    path = np.linspace([0.0, 0.0, top + tick.TIP + 1e-3], [0.0, 0.0, top + tick.TIP - 5e-3], 50)
+    for name, core in organ.cores().items():
+        force = core.simulate_path(path, np.tile([0.0, 0.0, 1.0], (50, 1)), tick.TIP, False)[:, :3]
+        assert not force[0].any(), name
+        assert force[-1, 2] > 0.1, name

@@ -66,6 +66,7 @@ def test_a_uniform_body_has_the_modulus_of_its_material() -> None:
         solid, young=7e3, surface_layer=SurfaceLayer("20 mm", "7 kPa"), fixed=half_space("z", "<", 1e-6), touch=top
     )
     assert (coated._layer_moduli() == 7e3).all()
+    assert coated.signed_distance()._layer_moduli() is coated._layer_moduli()  # computed once for all models of a body
 
 
 def test_tips_on_stiff_and_soft_skins_feel_the_force_of_axisymmetric_elements() -> None:

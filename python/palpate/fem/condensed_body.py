@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +38,7 @@ CoreBody = (
     | _core.SupportedBody
     | _core.MultirateBody
 )
+_LAYER_MODULI: Final[WeakKeyDictionary[BodyData, Array]] = WeakKeyDictionary()  # which the models of a body share
 _SAMPLED = 16  # nodes, and neighbors of each, to which the tangential compliance is fitted
 
 
@@ -360,7 +362,11 @@ class CondensedBody:
         if len(contents.tetrahedra) == 0:
             scale = float(self.record.get("scaled_stiffness", 1.0))
             return np.full((len(self.nodes), 2), scale * self._recorded("young_Pa"))
-        return layer_moduli(self.nodes, self.normals, contents.areas, self.volume, contents.young)
+        moduli = _LAYER_MODULI.get(contents)
+        if moduli is None:
+            moduli = layer_moduli(self.nodes, self.normals, contents.areas, self.volume, contents.young)
+            _LAYER_MODULI[contents] = moduli
+        return moduli
 
     def _patches(self) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
         nodes, triangles = self._volume_triangles()

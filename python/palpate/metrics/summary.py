@@ -252,7 +252,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         text += f"; only {few} that force: take a finer mesh or a larger tip"
     if found.over_fixed:
         text += f"; the tip {OVERLAPS_FIXED}"
-    if found.unsolved:
+    if found.unsolved and "the contact force was not found" not in trace.verdict.reason:
         text += (
             f"; in {_samples(found.unsolved)} the contact force was not found: too many nodes lie under the tip, it "
             "inverts tetrahedra of a hyperelastic body, it moves too fast, or the contact has not converged"

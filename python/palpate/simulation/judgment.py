@@ -39,6 +39,7 @@ from palpate.simulation.windows import Window, windows
 __all__ = ["judge", "judge_pushed"]
 
 AXES = "xyz"
+MOST_NODES = 128  # in contact along the normals, and of a local model
 STILL = 1e-7  # m: a tip that moves less was not excited
 APPROACHES = 1e-3  # of the deflection: a tip that moves more in the last fifth does not rest yet
 
@@ -212,6 +213,8 @@ def _explained(
     if state in (State.SETTLED, State.UNDECIDED) and (off := interruption(trace, scenario)) > 0.0:
         reason += f"; contact lost for {1e3 * off:.4g} ms on the way"
     swings = state in OSCILLATES
+    if lacking is not None:
+        reason += f"; {lacking}"
     if linear is not None and (swings or state is State.UNDECIDED):
         reason += f"; {linear}"
     if not swings:
@@ -227,17 +230,23 @@ def _factor(ratio: float) -> str:
 
 def _without_force(trace: Recorded, rows: slice = slice(None)) -> str | None:
     """Return why the force on a body is not known in the last rows of a trace, or in all; None if it is."""
-    missing = np.zeros(1, dtype=bool)
-    for solved in of_each_object(trace, "solved"):
-        missing = missing | (solved[rows, 0] == 0.0)
+    missing, solved = np.zeros(1, dtype=bool), of_each_object(trace, "solved")
+    for found in solved:
+        missing = missing | (found[rows, 0] == 0.0)
     if np.mean(missing) <= SHARE:
         return None
-    samples = f"{'the last ' if rows.start else ''}{len(missing)} samples"
-    return (
-        f"the contact force was not found in {np.count_nonzero(missing)} of {samples}: "
-        "more than 128 nodes lie under the tip, it inverts tetrahedra of a hyperelastic body, or the contact has "
-        "not converged: use a smaller force or tip, or a coarser mesh"
+    crowded = any(
+        nodes[rows, 0][found[rows, 0] == 0.0].max(initial=0.0) >= MOST_NODES - 1
+        for found, nodes in zip(solved, of_each_object(trace, "contact_nodes"), strict=False)
     )
+    why = (
+        f"more than {MOST_NODES} nodes lie under the tip: use a smaller tip or a coarser mesh"
+        if crowded
+        else "too many nodes lie near the tip, it inverts tetrahedra of a hyperelastic body or moves too far between "
+        "its model updates, or the contact has not converged: use a smaller force or tip, or a coarser mesh"
+    )
+    samples = f"{'the last ' if rows.start else ''}{len(missing)} samples"
+    return f"the contact force was not found in {np.count_nonzero(missing)} of {samples}: {why}"
 
 
 def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None) -> str:

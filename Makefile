@@ -69,7 +69,7 @@ nightly: .venv/cross-installed  ## long studies: random tests with ten times the
 docs: .venv/docs-installed  ## build the documentation, then run its code blocks
 	$(BIN)/python -m sphinx -q -W --keep-going docs docs/_build
 	$(BIN)/python docs/notebooks.py docs/_build/notebooks
-	$(BIN)/python -m pytest tests/docs
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) tests/docs
 
 wheel: .venv/bin/python  ## build a wheel in dist/ and test it in a fresh virtual environment
 	rm -rf dist

@@ -70,7 +70,7 @@ TEST(LayerFriction, NoClosedPathGainsWork) {
   }
 }
 
-// Law: what a node's traction lacks in one tick is made up in the next. So the work of a closed path does not depend on its steps, and a
+// Law: what a node's traction lacks in one tick is made up in the next. So the work of a closed path does not depend on its steps. A
 // tip that sticks has always worked as much as the body stores, to 3e-4 of the largest energy where it moves fast.
 TEST(LayerFriction, SmallStepsDoTheWorkOfLargeOnes) {
   const SurfaceBody body = contact_bodies::soft(shapes::ball(3, 10e-3), 1e4, 6e-3, 4e-3);

@@ -689,6 +689,35 @@ def test_a_force_that_was_not_found_in_more_than_a_hundredth_of_the_samples_is_u
     assert _without_force(Trace.of([0.0], {"tip": np.zeros((1, 3))})) is None
 
 
+@pytest.mark.parametrize(
+    ("kind", "nodes", "said"),
+    [
+        ("compliance", 127, 128),
+        ("compliance", 126, None),
+        ("signed_distance", 189, None),
+        ("signed_distance", 255, 256),
+    ],
+)
+def test_too_many_nodes_are_named_only_where_the_contact_holds_no_more(kind: str, nodes: int, said: int | None) -> None:
+    block = {"shape": "block", "size": ["60 mm", "60 mm", "20 mm"], "young": "5 kPa", "poisson": 0.4, "spacing": "3 mm"}
+    scenario = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms"},
+        "reference": {"force": ["0 N", "0 N", "-1 N"]},
+        "object": {
+            "kind": "body",
+            "position": ["0 mm", "0 mm", "-9 mm"],
+            "body": {**block, "radius": "8 mm", "kind": kind},
+        },
+        "run": {"duration": "1 s"},
+    }
+    channels = {"solved": np.zeros(9), "contact_nodes": np.full(9, float(nodes))}
+    found = str(_without_force(Trace.of(T * np.arange(9), channels, metadata={"scenario": scenario})))
+    assert (f"more than {said} nodes lie under the tip" in found) is (said is not None)
+    assert ("too many nodes lie near the tip" in found) is (said is None)
+
+
 def test_a_scene_is_one_sided_only_if_each_of_its_objects_is() -> None:
     def scene(*kinds: str) -> Any:
         each = {str(i): SimpleNamespace(object=SimpleNamespace(kind=kind)) for i, kind in enumerate(kinds)}

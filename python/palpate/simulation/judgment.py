@@ -40,6 +40,7 @@ __all__ = ["judge", "judge_pushed"]
 
 AXES = "xyz"
 MOST_NODES = 128  # in contact along the normals, and of a local model
+MOST_PLACES = 256  # near the tips, in contact by signed distance
 STILL = 1e-7  # m: a tip that moves less was not excited
 APPROACHES = 1e-3  # of the deflection: a tip that moves more in the last fifth does not rest yet
 
@@ -235,18 +236,26 @@ def _without_force(trace: Recorded, rows: slice = slice(None)) -> str | None:
         missing = missing | (found[rows, 0] == 0.0)
     if np.mean(missing) <= SHARE:
         return None
+    scenario = recorded_scenario(trace)
+    most = MOST_PLACES if scenario is None or _by_distance(scenario) else MOST_NODES
     crowded = any(
-        nodes[rows, 0][found[rows, 0] == 0.0].max(initial=0.0) >= MOST_NODES - 1
+        nodes[rows, 0][found[rows, 0] == 0.0].max(initial=0.0) >= most - 1
         for found, nodes in zip(solved, of_each_object(trace, "contact_nodes"), strict=False)
     )
     why = (
-        f"more than {MOST_NODES} nodes lie under the tip: use a smaller tip or a coarser mesh"
+        f"more than {most} nodes lie under the tip: use a smaller tip or a coarser mesh"
         if crowded
         else "too many nodes lie near the tip, it inverts tetrahedra of a hyperelastic body or moves too far between "
         "its model updates, or the contact has not converged: use a smaller force or tip, or a coarser mesh"
     )
     samples = f"{'the last ' if rows.start else ''}{len(missing)} samples"
     return f"the contact force was not found in {np.count_nonzero(missing)} of {samples}: {why}"
+
+
+def _by_distance(scenario: Scenario) -> bool:
+    """Return whether a body of a scenario has contact by signed distance."""
+    objects = [scenario.object, *(scenario.objects or {}).values()]
+    return any(one.body is not None and "signed_distance" in (one.body.kind, one.body.contact) for one in objects)
 
 
 def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None) -> str:

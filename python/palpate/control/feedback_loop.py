@@ -86,6 +86,12 @@ def closed_loop_matrix(loop: control.StateSpace, gain: complex | Array = 1.0) ->
     return np.asarray(loop.A - loop.B @ np.linalg.solve(np.eye(m) + g @ loop.D, g @ loop.C), dtype=complex)
 
 
+def closed_loop_matrices(loop: control.StateSpace, gains: Array) -> Array:
+    """Return the state matrices (k, n, n) of `closed_loop_matrix` for real gains (k,)."""
+    g = gains[:, None, None]
+    return np.asarray(loop.A - loop.B @ np.linalg.solve(np.eye(loop.noutputs) + g * loop.D, g * loop.C))
+
+
 def spectral_radius(loop: control.StateSpace, gain: complex | Array = 1.0) -> float:
     """Return the largest modulus of the closed loop's eigenvalues, per sample; below 1 is stable."""
     a = closed_loop_matrix(loop, gain)

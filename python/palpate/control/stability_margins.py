@@ -26,11 +26,13 @@ from scipy.optimize import brentq, minimize_scalar
 
 from palpate.arrays import Array, Complex
 from palpate.control.controller import Controller
-from palpate.control.feedback_loop import closed_loop_matrix, loop_gain, spectral_radius
+from palpate.control.feedback_loop import closed_loop_matrices, loop_gain, spectral_radius
 from palpate.errors import DesignError
 
 NARROW = 1e-4  # relative width of a range of unstable gains that a search may miss
 CURVES = 1.5  # allowance for the curvature of an eigenvalue's modulus in a step
+STEP = 1.02  # ratio of the gains of a search
+BLOCK = 64  # gains that are evaluated together
 UNBOUNDED = 1e6  # gain at which the search stops; the interval is then unbounded
 
 
@@ -131,17 +133,9 @@ def gain_interval(loop: control.StateSpace, around: float = 1.0) -> tuple[float,
     """
     if spectral_radius(loop, around) >= 1.0:
         raise DesignError(f"gain_interval: the loop is unstable at the gain {around:g} to start from")
-    ends = []
-    for factor in (1 / 1.02, 1.02):
-        inside, end = around, np.inf if factor > 1 else 0.0
-        while 1 / UNBOUNDED < inside / around < UNBOUNDED:
-            outside = inside * factor
-            if (found := _exit(loop, inside, outside)) is not None:
-                end = _edge(loop, *found)
-                break
-            inside = outside
-        ends.append(end)
-    return ends[0], ends[1]
+    steps = STEP ** np.arange(np.ceil(np.log(UNBOUNDED) / np.log(STEP)) + 1)
+    down, up = _first_exit(loop, around / steps), _first_exit(loop, around * steps)
+    return 0.0 if down is None else down, np.inf if up is None else up
 
 
 def critical_gain(loop: control.StateSpace, largest: float = 1.0) -> float:
@@ -153,13 +147,28 @@ def critical_gain(loop: control.StateSpace, largest: float = 1.0) -> float:
         DesignError: the loop is stable up to ``largest``, or unstable at every gain down to ``largest`` / 1e6.
     """
     gains = largest * np.geomspace(1 / UNBOUNDED, 1.0, 1400)
-    stable = np.array([spectral_radius(loop, k) < 1.0 for k in gains])
+    stable = np.abs(np.linalg.eigvals(closed_loop_matrices(loop, gains))).max(axis=1, initial=0.0) < 1.0
     if not stable.any():
         raise DesignError(f"critical_gain: the loop is unstable at every gain from {gains[0]:.3g} to {largest:g}")
-    for inside, outside in pairwise(gains[int(np.argmax(stable)) :]):
-        if (found := _exit(loop, float(inside), float(outside))) is not None:
-            return _edge(loop, *found)
-    raise DesignError(f"critical_gain: the loop is stable up to the gain {largest:g}")
+    found = _first_exit(loop, gains[int(np.argmax(stable)) :])
+    if found is None:
+        raise DesignError(f"critical_gain: the loop is stable up to the gain {largest:g}")
+    return found
+
+
+def _first_exit(loop: control.StateSpace, gains: Array) -> float | None:
+    """Return the critical gain in the first interval of ``gains`` that the loop leaves; the first gain is stable."""
+    for start in range(0, len(gains) - 1, BLOCK):
+        block = gains[start : start + BLOCK + 1]
+        sizes, slopes = _moduli(loop, block)
+        ways = np.diff(block)[:, None]
+        leaves = (sizes[1:].max(axis=1, initial=0.0) >= 1.0) | np.any(
+            (_ahead(sizes[:-1], slopes[:-1], ways) >= 1.0) | (_ahead(sizes[1:], slopes[1:], -ways) >= 1.0), axis=1
+        )
+        for k in np.flatnonzero(leaves):
+            if (found := _exit(loop, float(block[k]), float(block[k + 1]))) is not None:
+                return _edge(loop, *found)
+    return None
 
 
 def _exit(loop: control.StateSpace, inside: float, outside: float) -> tuple[float, float] | None:
@@ -177,20 +186,27 @@ def _exit(loop: control.StateSpace, inside: float, outside: float) -> tuple[floa
 
 def _may_leave(loop: control.StateSpace, first: float, last: float) -> bool:
     """Return whether the slopes of the eigenvalues' moduli at both gains lead one out of the circle in between."""
+    sizes, slopes = _moduli(loop, np.array([first, last]))
+    return bool(np.any(_ahead(sizes, slopes, np.array([[last - first], [first - last]])) >= 1.0))
 
-    def reaches(gain: float, step: float) -> bool:
-        values, right = np.linalg.eig(closed_loop_matrix(loop, gain))
-        feedback = np.linalg.inv(np.eye(loop.noutputs) + gain * loop.D)
-        try:
-            turned = np.linalg.solve(right, loop.B @ feedback)
-        except np.linalg.LinAlgError:  # a double eigenvalue
-            return True
-        rates = -np.einsum("ij,ji->i", turned, feedback @ loop.C @ right)
-        sizes = np.abs(values)
-        slopes = np.real(np.conj(values) * rates) / np.maximum(sizes, 1e-300)
-        return bool(np.any(sizes + CURVES * np.maximum(slopes * step, 0.0) >= 1.0))
 
-    return reaches(first, last - first) and reaches(last, first - last)
+def _moduli(loop: control.StateSpace, gains: Array) -> tuple[Array, Array]:
+    """Return the closed loop's eigenvalues' moduli (k, n) at gains (k,), and their slopes: inf if one is double."""
+    values, right = np.linalg.eig(closed_loop_matrices(loop, gains))
+    sizes = np.abs(values)
+    feedback = np.linalg.inv(np.eye(loop.noutputs) + gains[:, None, None] * loop.D)
+    try:
+        turned = np.linalg.solve(right, loop.B @ feedback)
+    except np.linalg.LinAlgError:
+        return sizes, np.full_like(sizes, np.inf)
+    rates = -np.einsum("kij,kji->ki", turned, feedback @ loop.C @ right)
+    return sizes, np.real(np.conj(values) * rates) / np.maximum(sizes, 1e-300)
+
+
+def _ahead(sizes: Array, slopes: Array, ways: Array) -> Array:
+    """Return the largest moduli to expect within changes of the gain (k, 1)."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(sizes + CURVES * np.fmax(slopes * ways, 0.0))
 
 
 def _edge(loop: control.StateSpace, inside: float, outside: float) -> float:
@@ -206,10 +222,12 @@ def _edge(loop: control.StateSpace, inside: float, outside: float) -> float:
     return float(0.5 * (inside + outside))
 
 
-def frequency_response(sys: control.StateSpace, theta: float) -> Complex:
-    """Return the response (p x m) at e^{j theta}, theta in rad per sample."""
-    z = np.exp(1j * theta)
-    return np.asarray(sys.D + sys.C @ np.linalg.solve(z * np.eye(sys.nstates) - sys.A, sys.B), dtype=complex)
+def frequency_response(sys: control.StateSpace, theta: float | Array) -> Complex:
+    """Return the response (..., p, m) at e^{j theta}, theta (...) in rad per sample."""
+    n = sys.nstates
+    inverse = np.exp(1j * np.asarray(theta))[..., None, None] * np.eye(n) - sys.A
+    inputs = np.broadcast_to(sys.B, (*np.shape(theta), n, sys.ninputs))
+    return np.asarray(sys.D + sys.C @ np.linalg.solve(inverse, inputs), dtype=complex)
 
 
 def _grid(loop: control.StateSpace) -> Array:
@@ -227,11 +245,11 @@ def _unit_crossings(loop: control.StateSpace) -> list[tuple[float, float]]:
     """
     theta = _grid(loop)
 
-    def levels(t: float) -> Complex:
+    def levels(t: float | Array) -> Complex:
         values = np.linalg.eigvals(frequency_response(loop, t))
-        return np.asarray(values[np.argsort(np.abs(values))], dtype=complex)
+        return np.asarray(np.take_along_axis(values, np.argsort(np.abs(values), axis=-1), -1), dtype=complex)
 
-    table = np.array([levels(t) for t in theta])
+    table = levels(theta)
     with np.errstate(divide="ignore"):
         level = np.log(np.abs(table))
     found = []
@@ -266,13 +284,16 @@ def peak_gain(sys: control.StateSpace) -> tuple[float, float]:
     def height(t: float) -> float:
         return float(np.linalg.norm(frequency_response(sys, t), 2))
 
+    def heights(theta: Array) -> Array:
+        return np.asarray(np.linalg.norm(frequency_response(sys, theta), 2, axis=(-2, -1)))
+
     def climb(low: float, high: float) -> tuple[float, float]:
         best = minimize_scalar(lambda t: -height(t), bounds=(low, high), method="bounded", options={"xatol": 1e-13})
         return max((height(t), t) for t in (low, high, float(best.x)))
 
     grid = _refined(np.geomspace(1e-6, np.pi, 300), sys.A, np.linspace(-4, 4, 17), 0.0)
     theta = np.concatenate([[0.0], grid])
-    k = int(np.argmax([height(t) for t in theta]))
+    k = int(np.argmax(heights(theta)))
     peak, where = climb(theta[max(k - 1, 0)], theta[min(k + 1, len(theta) - 1)])
     for _ in range(20):
         level = peak * (1 + 1e-6)

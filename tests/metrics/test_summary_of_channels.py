@@ -307,9 +307,10 @@ BEGINS = "presses the body in by 2 mm with 0.5 N"
         ),
         (
             {"nodes": 4, "unsolved": 5, "contact_lost": 6},
-            f"{BEGINS} (largest force 0.75 N), rests in contact at the end; in 5 samples the contact force was not "
-            "found: too many nodes lie under the tip, it inverts tetrahedra of a hyperelastic body, it moves too fast, "
-            "or the contact has not converged; in 6 samples the contact was lost: the tip was pushed through the body",
+            f"{BEGINS} (largest force 0.75 N), rests in contact at the end; the contact force was not found in 5 "
+            "samples: too many nodes lie near the tip, it inverts tetrahedra of a hyperelastic body or moves too far "
+            "between its model updates, or the contact has not converged: use a smaller force or tip, or a coarser "
+            "mesh; in 6 samples the contact was lost: the tip was pushed through the body",
         ),
         (
             {"contact_lost": 1},

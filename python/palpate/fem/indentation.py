@@ -13,6 +13,7 @@ from palpate import _core
 from palpate.arrays import Array, Flags, Indices
 from palpate.checks import MAX_TIPS
 from palpate.contact.simplices import area_vectors, volumes
+from palpate.contact.unfound import crowded
 from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
@@ -32,7 +33,6 @@ from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
-_TOO_MANY_NODES: Final = "more than 128 nodes lie under the tip: use a smaller tip or a coarser mesh"
 NODES, SOLVED, LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
 OVERLAPS_FIXED: Final = (
     "overlaps a fixed or held part of the surface, which does not push back, so its force is too small: press a radius "
@@ -66,7 +66,7 @@ class ContactHistory(NamedTuple):
     def of(cls, rows: Array) -> Self:
         """Return the rows (m, 15) of the core as a history; raise BodyError if the forces of one were not found."""
         if not rows[:, SOLVED].all():
-            raise BodyError(_TOO_MANY_NODES)
+            raise BodyError(crowded())
         nodes, lost = rows[:, NODES].astype(np.int64), rows[:, LOST] > 0.0
         return cls(rows[:, 0:3], rows[:, 3:6], rows[:, 6], nodes, rows[:, 10:13], lost)
 
@@ -408,7 +408,7 @@ def settle_at_depths(depths: Array, settle: Callable[[int], Array], inverted: Ca
             )
             raise BodyError(f"depth: at {1e3 * depth:.3g} mm {problem}; {until}: use a smaller depth or a larger tip")
     if row[SOLVED] == 0.0:
-        raise BodyError(f"depth: at {1e3 * depth:.3g} mm {_TOO_MANY_NODES}")
+        raise BodyError(f"depth: at {1e3 * depth:.3g} mm {crowded()}")
     return row
 
 

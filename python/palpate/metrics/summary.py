@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate.contact.unfound import UNFOUND, unfound
 from palpate.devices.reach import near_limits
 from palpate.fem.indentation import OVERLAPS_FIXED
 from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
@@ -252,11 +253,8 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         text += f"; only {few} that force: take a finer mesh or a larger tip"
     if found.over_fixed:
         text += f"; the tip {OVERLAPS_FIXED}"
-    if found.unsolved and "the contact force was not found" not in trace.verdict.reason:
-        text += (
-            f"; in {_samples(found.unsolved)} the contact force was not found: too many nodes lie under the tip, it "
-            "inverts tetrahedra of a hyperelastic body, it moves too fast, or the contact has not converged"
-        )
+    if found.unsolved and UNFOUND not in trace.verdict.reason:
+        text += f"; {unfound(_samples(found.unsolved))}"
     if found.contact_lost:
         text += f"; in {_samples(found.contact_lost)} the contact was lost: the tip was pushed through the body"
     return [text, *_began(_initial_depth(trace), "body")]

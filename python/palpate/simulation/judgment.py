@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.arrays import Array
+from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded, unfound
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
 from palpate.simulation.continuation import moves_on
@@ -39,8 +40,6 @@ from palpate.simulation.windows import Window, windows
 __all__ = ["judge", "judge_pushed"]
 
 AXES = "xyz"
-MOST_NODES = 128  # in contact along the normals, and of a local model
-MOST_PLACES = 256  # near the tips, in contact by signed distance
 STILL = 1e-7  # m: a tip that moves less was not excited
 APPROACHES = 1e-3  # of the deflection: a tip that moves more in the last fifth does not rest yet
 
@@ -238,18 +237,12 @@ def _without_force(trace: Recorded, rows: slice = slice(None)) -> str | None:
         return None
     scenario = recorded_scenario(trace)
     most = MOST_PLACES if scenario is None or _by_distance(scenario) else MOST_NODES
-    crowded = any(
+    full = any(
         nodes[rows, 0][found[rows, 0] == 0.0].max(initial=0.0) >= most - 1
         for found, nodes in zip(solved, of_each_object(trace, "contact_nodes"), strict=False)
     )
-    why = (
-        f"more than {most} nodes lie under the tip: use a smaller tip or a coarser mesh"
-        if crowded
-        else "too many nodes lie near the tip, it inverts tetrahedra of a hyperelastic body or moves too far between "
-        "its model updates, or the contact has not converged: use a smaller force or tip, or a coarser mesh"
-    )
-    samples = f"{'the last ' if rows.start else ''}{len(missing)} samples"
-    return f"the contact force was not found in {np.count_nonzero(missing)} of {samples}: {why}"
+    samples = f"{np.count_nonzero(missing)} of {'the last ' if rows.start else ''}{len(missing)} samples"
+    return unfound(samples, crowded(most) if full else None)
 
 
 def _by_distance(scenario: Scenario) -> bool:

@@ -172,7 +172,7 @@ def test_the_margin_of_a_tool_is_where_its_run_begins_to_oscillate(block: Path) 
     """With friction, so that the contact resists in all directions."""
 
     def pressed(scale: float) -> Trace:
-        hard = {"reference": {"force": ["0 N", "0 N", "-3 N"]}}
+        hard = {"reference": {"force": ["0 N", "0 N", "-3 N"]}, "run": {"duration": "3 s"}}
         return simulate(Scenario.from_dict({**tables(block, static_friction=0.6, stiffness_scale=scale), **hard}))
 
     soft = pressed(60.0)

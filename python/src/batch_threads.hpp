@@ -69,7 +69,8 @@ template <class Mechanism, class Controller, class Setup, class Cell>
 void run_cells_with(const Setup& base, const Cell& cell, std::ptrdiff_t count, int ticks, const double* reference,
                     const double* operator_force, double* rows, int threads, int lanes) {
   using RunLanes = void (*)(std::size_t, bool, const void*, int, const double*, const double*);
-  const auto [wide, run] = math::with_widest_lanes([](auto n) { return std::pair<int, RunLanes>(n, run_lanes<n()>); }, lanes);
+  const std::pair<int, RunLanes> widest =
+      math::with_widest_lanes([](auto n) { return std::pair<int, RunLanes>(n, run_lanes<n()>); }, lanes);
   constexpr std::size_t index = mechanism::Registry::index_of<Mechanism>();
   static_assert(index < mechanism::Registry::size, "batches run the mechanisms of the registry");
   std::atomic<std::ptrdiff_t> taken = 0;
@@ -77,10 +78,10 @@ void run_cells_with(const Setup& base, const Cell& cell, std::ptrdiff_t count, i
     JobScheduler<Mechanism, Controller, Setup, Cell> cells(base, cell, count, taken, rows);
     while (cells.begin()) {
       const servo::JobQueue<Mechanism, Controller> queue = cells.queue();
-      run(index, !std::is_same_v<Controller, control::StateSpace>, &queue, ticks, reference, operator_force);
+      widest.second(index, !std::is_same_v<Controller, control::StateSpace>, &queue, ticks, reference, operator_force);
     }
   };
-  const auto most = static_cast<int>((count + wide - 1) / wide);
+  const auto most = static_cast<int>((count + widest.first - 1) / widest.first);
   std::vector<std::thread> others;
   for (int i = 1; i < std::min(threads, most); ++i) others.emplace_back(work);
   work();

@@ -50,7 +50,7 @@ struct MechanismList {
   template <class M>
   [[nodiscard]] static constexpr std::size_t index_of() {
     std::size_t index = 0;
-    ((std::is_same_v<M, Mechanisms> ? false : (++index, true)) && ...);
+    static_cast<void>(((std::is_same_v<M, Mechanisms> ? false : (++index, true)) && ...));
     return index;
   }
 };

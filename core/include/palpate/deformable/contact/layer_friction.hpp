@@ -38,13 +38,15 @@ class LayerFriction {
     if (size > most) p.traction *= most / size;
   }
 
-  /// Update the tractions under the present normal forces. Return the change of their sum, N.
-  double sweep(NearNodes& near) noexcept {
+  static constexpr int max_sweeps = 6;
+
+  /// Update the tractions under the present normal forces by up to `most` sweeps. Return the change of their sum, N.
+  double sweep(NearNodes& near, int most = max_sweeps) noexcept {
     const int count = near.engaged();
     prepare(near);
     double change = 0.0, first = 0.0;
     Vector3<> total = Vector3<>::Zero();
-    for (int s = 0; s < max_sweeps; ++s) {
+    for (int s = 0; s < most; ++s) {
       Vector3<> sum = Vector3<>::Zero();
       double force = 0.0;
       for (int k = 0; k < count; ++k) {
@@ -101,7 +103,6 @@ class LayerFriction {
   static constexpr std::size_t max_tips = 8;
 
  private:
-  static constexpr int max_sweeps = 6;
   static constexpr double tolerance = 3e-4;       // of the change of the traction's sum, relative to the normal forces
   static constexpr double cone_tolerance = 1e-6;  // relative; keeps the slip state independent of the last bits
 

@@ -38,6 +38,8 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
       crept = remaining * *detail::as_packs(layer->state() + q);
       excess -= crept;
     }
+    if constexpr (!settle)
+      if (!any(excess > Scalar(0.0))) continue;
     const Scalar depth = max_of(excess, Scalar(0.0));
     const Scalar facing = (in.away[0] * normal[0] + in.away[1] * normal[1]) + in.away[2] * normal[2];
     const Scalar x = min_of(max_of(Scalar(1.0) - Scalar(2.0) * facing, Scalar(0.0)), Scalar(1.0));

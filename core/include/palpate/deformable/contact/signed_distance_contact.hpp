@@ -38,8 +38,8 @@ namespace palpate::deformable {
 /// a positive definite system; the directions follow by fixed point. Start from the forces predicted from the tips' motion: one iteration
 /// per tick is typical, `max_iterations` bound it. Friction (LayerFriction) is found between the iterations, and its tractions move the
 /// nodes in all directions. Where the whole contact slips at once, the error falls slowly, by the deflection over the radius per iteration.
-/// A tick of moving tips therefore ends early, and the next one continues. Slow and resting tips iterate further, or the remaining error
-/// would do work.
+/// A tick of moving tips therefore ends after one or two iterations, and the next one continues. Slow and resting tips iterate further, or
+/// the remaining error would do work.
 ///
 /// On a body with memory (BodyMotion) C is the compliance of one period, and u contains the displacement at its end without force.
 ///
@@ -159,7 +159,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   static constexpr int far_interval = 4;           // ticks between evaluations of the motion of a node away from the tips
   static constexpr double max_smooth_move = 0.02;  // of the radius per tick; beyond it every node near the tip is evaluated
   static constexpr double acceptable = 20.0;       // times the tolerance: the next tick continues from there
-  static constexpr double rubbing = 5.0;           // the same after one iteration of a tick that may be brief; after two: `acceptable`
+  static constexpr double rubbing = 5.0;           // the same after one iteration of a tick that may be brief
+  static constexpr double slipping = 50.0;         // and after two: a contact that begins to slip as a whole loses force in one tick
   static constexpr double brief_move = 5e-4;       // of the radius per tick; with friction, a tick of a tip that moves farther may be brief
 
   using Place = NearNodes::Place;
@@ -226,14 +227,16 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (newton_.assemble(near_) || !factored) factored = newton_.factor(near_);
       if (!factored) break;
       double error = newton_.step(near_);
-      if (friction_) error = std::max(error, 0.3 * friction_.sweep(near_) / (ContactNewton::tolerance * newton_.force().norm() + 1e-30));
+      if (friction_)
+        error = std::max(error, 0.3 * friction_.sweep(near_, brief ? iterations_ : LayerFriction::max_sweeps) /
+                                    (ContactNewton::tolerance * newton_.force().norm() + 1e-30));
       factored = iterations_ < 3 || error < 0.3 * last_error;
       last_error = error;
-      if (error <= (!brief ? 1.0 : iterations_ == 1 ? rubbing : acceptable)) break;
+      if (error <= (!brief ? 1.0 : iterations_ == 1 ? rubbing : slipping)) break;
     }
     iterations_ = std::min(iterations_, max_iterations);
     tick_energy_ = lowest < std::numeric_limits<double>::infinity() ? lowest : 0.0;
-    return last_error <= acceptable;
+    return last_error <= (brief ? slipping : acceptable);
   }
 
   void halve_last_change() noexcept {

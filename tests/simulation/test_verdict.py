@@ -307,6 +307,9 @@ def test_a_tip_that_is_pushed_through_its_body_has_lost_contact() -> None:
         assert trace[channel][-1, 0] == 1.0
         assert trace.verdict.state is State.CONTACT_LOST
         assert trace.verdict.reason.startswith(f"{tip} is pushed through the body at t = ")
+    inside = palpate.simulate({**tables, "object": {**pad, "position": ["0 mm", "0 mm", "3 mm"]}})
+    assert inside.verdict.state is State.CONTACT_LOST
+    assert inside.verdict.reason == "the tip starts inside the body, where it has no contact: check object.position"
 
 
 @pytest.mark.parametrize(("friction", "hides"), [(0.0, False), (0.4, True)])

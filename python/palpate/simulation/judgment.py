@@ -269,6 +269,8 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
     """Return when the tip left the object, and the reason."""
     if (pushed := pushed_through(trace)) is not None:
         tip = "a tip of the tool" if of_each_object(trace, "point1_force") else "the tip"
+        if pushed == 0.0:
+            return pushed, f"{tip} starts inside the body, where it has no contact: check object.position"
         return pushed, f"{tip} is pushed through the body at t = {pushed:.4g} s, and in it without contact at the end"
     touching = np.flatnonzero(trace["touching"][:, 0])
     if not len(touching):

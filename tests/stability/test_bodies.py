@@ -15,7 +15,7 @@ from palpate.metrics import measure_performance, summarize
 from palpate.report.zwidth import zwidth_page
 from palpate.scenario import Scenario
 from palpate.simulation.observed_run import observe
-from palpate.simulation.verdict import State
+from palpate.simulation.verdict import OSCILLATES, State
 from palpate.stability import certify, contact_stability, zwidth
 from palpate.stability.body.certificate import _assumptions
 
@@ -185,6 +185,21 @@ def test_what_cannot_be_decided_is_said(coarse: Path) -> None:
     assert "does not touch the body" in certify(far).claim
     with pytest.raises(StabilityError, match="keeps the tip still"):
         certify({**press(coarse, "compliance", 1.0), "operator": {"kind": "fixed"}})
+
+
+def test_a_margin_without_friction_is_that_of_motions_along_the_normal(block: Path) -> None:
+    """At a depth that the run only passes, nothing holds the tip across the contact. Runs check the margin."""
+    tables = press(block, "signed_distance", 0.4, radius="8 mm")
+    tables |= {"reference": {"force": ["0 N", "0 N", "-0.6 N"]}, "run": {"duration": "3 s"}}
+    del tables["operator"], tables["controller"], tables["servo"]["topology"]
+    certificate = certify(tables)
+    assert certificate.verdict.state is State.STABLE
+    assert "the tip would slide across the contact" in certificate.verdict.reason
+    margin = min(certificate.margin["gain_margin"], certificate.margin["least_gain_margin_of_depths"])
+    assert 1.0 < margin < 3.0
+    for share, oscillates in ((0.9, False), (1.1, True)):
+        tables["object"]["body"]["stiffness_scale"] = 0.4 * share * margin
+        assert (simulate(tables).verdict.state in OSCILLATES) is oscillates
 
 
 def test_a_trace_of_some_ticks_only_is_run_again(block: Path) -> None:

@@ -367,3 +367,25 @@ def test_the_slowest_update_is_found_wherever_it_is(period: float, tmp_path: Pat
     interval, sentence = slowest_update(scenario, trace, 7, 5, between)
     assert interval is None
     assert f"Updates every {20 * period:.4g} s are stable, every {40 * period:.4g} s unstable" in sentence
+
+
+@pytest.mark.parametrize("seen", [0.0, 1e-3])
+def test_motions_across_a_contact_do_not_count_in_the_loop_along_its_normal(seen: float) -> None:
+    """A motion that grows by itself, and of which the normal sees nothing or little; the body's stiffness is any."""
+    for stiffness in (1.0, 30.0, 300.0, 3000.0):
+        loop = elastic_loop(stiffness)
+        p = loop.path
+        n = p.nstates
+        a, b, c = np.eye(n + 1), np.ones((n + 1, 1)), np.zeros((1, n + 1))
+        a[:n, :n], a[n, n], b[:n], c[:, :n], b[n] = p.A, 1.002, p.B, p.C, 1e-6
+        c[0, n] = seen
+        slides = replace(loop, path=sampled(a, b, c, p.D))
+        assert slides.radius() >= 1.0015
+        assert slides.radius_along_normal() == pytest.approx(loop.radius(), abs=1e-5)
+        assert loop.radius_along_normal() == pytest.approx(loop.radius(), rel=1e-12)
+
+
+def test_a_body_that_pulls_the_tip_in_is_unstable_along_the_normal() -> None:
+    loop = elastic_loop(-5000.0)
+    assert loop.radius() > 1.0
+    assert loop.radius_along_normal() == pytest.approx(loop.radius(), rel=1e-12)

@@ -98,7 +98,15 @@ def test_an_unstable_motion_that_only_slides_is_undecided() -> None:
         (findings(STABLE, run()), "Small motions decay at 2 mm, where the body's stiffness is 0.5 N/mm"),
         (findings(UNSTABLE, run(State.UNSTABLE)), "small motions grow at 2 mm, where the body's stiffness is 0.5 N/mm"),
         (findings(STABLE, run(), untested="one failed"), "But one failed."),
-        (findings(STABLE, run(), replace(UNSTABLE, depth=1e-3)), "But not at other depths of the run: 1 mm (unstable)"),
+        (
+            findings(STABLE, run(), replace(UNSTABLE, depth=1e-3)),
+            "But not at other depths of the run: 1 mm (unstable, spectral radius 1.1)",
+        ),
+        (
+            findings(STABLE, run(), replace(UNSTABLE, depth=1e-3, stiffness_margin=2.0)),
+            "may be 2 times as stiff at every depth tested before the loop oscillates. Small motions decay at 2 mm, "
+            "where the body's stiffness is 0.5 N/mm (spectral radius 0.9). Held at 1 mm, the tip would slide across",
+        ),
         (findings(DOUBTFUL, run()), "error of the body's response is 1.2 times what the loop tolerates"),
         (findings(replace(STABLE, criteria={"eigenvalues": True, "Nyquist": False}), run()), "the criteria disagree"),
         (findings(STABLE, run(lasts=False)), "But the run does not rest. It was run."),
@@ -112,7 +120,8 @@ def test_the_reason_says_what_was_found_and_nothing_else(found: _Findings, says:
     parts = {
         "of any stiffness": found.rest is not None and np.isinf(found.rest.stiffness_margin),
         "But one failed": bool(found.untested) and found.rest is not None,
-        "not at other depths": any(not one.stable for one in found.depths),
+        "not at other depths": any(not one.stable and np.isnan(one.stiffness_margin) for one in found.depths),
+        "would slide": any(not one.stable and one.stiffness_margin > 0.0 for one in found.depths),
         "does not rest": not found.run.rests and found.rest is not None and found.rest.stable,
         "does not show it": found.rest is UNSTABLE and found.run.rests,
         "criteria disagree": found.rest is not None and len(set(found.rest.criteria.values())) > 1,
@@ -134,6 +143,7 @@ def test_margins_are_those_of_the_contact_and_absent_where_there_are_none() -> N
     name = "least_gain_margin_of_depths"
     assert _margins(findings(STABLE, run(), contact(0.8, margin=5.0), contact(0.8, margin=4.0)))[name] == 4.0
     assert name not in _margins(findings(STABLE, run(), STABLE, UNSTABLE))
+    assert _margins(findings(STABLE, run(), STABLE, replace(UNSTABLE, stiffness_margin=2.0)))[name] == 2.0
     one = STABLE.loop
     slow = MultirateLoop(one.path, np.zeros((1, 1)), np.zeros((2, 1, 1)), 2, np.eye(1), np.ones(1), np.zeros((1, 1)))
     assert _margins(findings(replace(STABLE, loop=slow), run())).keys() == unstable.keys() | {"gain_margin"}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import control
 import numpy as np
+import scipy.linalg
 
 from palpate.arrays import Array, Complex
 from palpate.control.feedback_loop import series
@@ -17,6 +18,8 @@ _OUTSIDE = 1e-6  # distance of the Nyquist contour from the unit circle
 _TURN = 0.3  # phase, rad, between two points of the contour
 _HALVINGS = 24
 _STRIDE, _LARGEST = 1.04, 1e4  # of the search for a margin
+_SAME = 0.1  # of the distance from 1 of an eigenvalue and a zero of one motion
+_ON_AXIS = 1e-9  # imaginary part of a real zero
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,28 @@ class BodyLoop:
     def radius(self, scale: float = 1.0) -> float:
         """Return the largest modulus of the closed loop's eigenvalues with the force of the body times ``scale``."""
         return abs(self.root(scale))
+
+    def radius_along_normal(self, scale: float = 1.0) -> float:
+        """Return `radius` of a loop tested along the normal, without motions of the device across the contact.
+
+        Those are the zeros of `path`: the tip does not move along the normal, so no force of the body acts on them. A
+        real one outside the unit circle is a tip that nothing holds. An eigenvalue of the loop within a tenth of its
+        distance from 1 is that motion.
+        """
+        values = np.linalg.eigvals(self.matrix(scale))
+        for zero in self._slides():
+            nearest = int(np.argmin(np.abs(values - zero)))
+            if abs(values[nearest] - zero) < _SAME * (zero - 1.0):
+                values = np.delete(values, nearest)
+        return float(np.abs(values).max(initial=0.0))
+
+    def _slides(self) -> Array:
+        """Return the real zeros of `path` above 1."""
+        p, r = self.path, len(self.normal)
+        pencil = np.block([[p.A, p.B], [p.C, p.D]])
+        zeros = scipy.linalg.eigvals(pencil, scipy.linalg.block_diag(np.eye(p.nstates), np.zeros((r, r))))
+        zeros = zeros[np.isfinite(zeros)]
+        return np.asarray(zeros.real[(np.abs(zeros.imag) < _ON_AXIS) & (zeros.real > 1.0)], dtype=float)
 
     def doubt(self) -> float:
         """Return the largest spectral radius of E |T|, T from a force on the body to the tip and E the error, by entry.

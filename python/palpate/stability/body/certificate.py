@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from palpate.simulation.tool_motion import last_motion
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import FAILED, State, Verdict
 from palpate.stability.assumptions import assumptions
-from palpate.stability.body.body_loop import BodyLoop
+from palpate.stability.body.body_loop import BodyLoop, stiffness_margin
 from palpate.stability.body.multirate_loop import MultirateLoop
 from palpate.stability.body.update_rate import slowest_update
 from palpate.stability.certificate import Certificate
@@ -126,12 +126,22 @@ def _at_depth(s: Scenario, trace: Trace, row: int) -> ContactStability:
     """Return the contact at a sample at which the tip was moving.
 
     The energy tank of a hyperelastic body may have stiffened the local model there; then the body in equilibrium
-    counts.
+    counts. If only motions across the contact grow, the stiffness margin is that of motions along its normal.
     """
     found = contact_at(s, trace, row, along_normal=True)
-    if found.stable or not isinstance(found.loop, MultirateLoop):
+    if found.stable:
         return found
-    return contact_at(s, trace, row, along_normal=True, equilibrium=True)
+    if isinstance(found.loop, MultirateLoop):
+        return contact_at(s, trace, row, along_normal=True, equilibrium=True)
+    loop = found.loop
+    if found.state is State.UNSTABLE and len(loop.normal) == 1 and loop.radius_along_normal() < 1.0:
+        return replace(found, stiffness_margin=stiffness_margin(loop.radius_along_normal))
+    return found
+
+
+def _slides(one: ContactStability) -> bool:
+    """Return whether motions across a contact grow, and those along its normal decay."""
+    return one.state is State.UNSTABLE and not math.isnan(one.stiffness_margin)
 
 
 def _longest(s: Scenario) -> float:
@@ -217,16 +227,23 @@ def _verdict(found: _Findings) -> Verdict:
         return Verdict(State.UNDECIDED, f"{linear} But the run does not show it. {run.sentence}")
     if not run.rests:
         return Verdict(State.UNDECIDED, f"{linear} But the run does not rest. {run.sentence}")
-    doubtful = [one for one in found.depths if not one.stable]
+    doubtful = [one for one in found.depths if not one.stable and not _slides(one)]
     if doubtful:
-        where = ", ".join(f"{1e3 * one.depth:.3g} mm ({one.state.label})" for one in doubtful)
+        where = ", ".join(f"{1e3 * one.depth:.3g} mm ({_state(one)})" for one in doubtful)
         return Verdict(State.UNDECIDED, f"{linear} But not at other depths of the run: {where}.")
     if found.untested:
         return Verdict(State.UNDECIDED, f"{linear} But {found.untested}.")
     about = linear[0].upper() + linear[1:]
     least = min(one.stiffness_margin for one in (rest, *found.depths))
     factor = "of any stiffness" if math.isinf(least) else f"{least:.4g} times as stiff"
-    return Verdict(State.STABLE, f"the body may be {factor} at every depth tested before the loop oscillates. {about}")
+    sentence = f"the body may be {factor} at every depth tested before the loop oscillates. {about}"
+    if sliding := [f"{1e3 * one.depth:.3g}" for one in found.depths if _slides(one)]:
+        sentence += f" Held at {', '.join(sliding)} mm, the tip would slide across the contact, which has no friction."
+    return Verdict(State.STABLE, sentence)
+
+
+def _state(one: ContactStability) -> str:
+    return f"{one.state.label}, spectral radius {one.radius:.6g}" if one.state is State.UNSTABLE else one.state.label
 
 
 def _oscillates(loop: BodyLoop | MultirateLoop) -> bool:
@@ -262,7 +279,7 @@ def _margins(found: _Findings) -> dict[str, float]:
     if rest.radius >= 1.0:
         return margin
     margin["gain_margin"] = rest.stiffness_margin
-    if found.depths and all(one.radius < 1.0 for one in found.depths):
+    if found.depths and all(one.radius < 1.0 or _slides(one) for one in found.depths):
         margin["least_gain_margin_of_depths"] = min(one.stiffness_margin for one in found.depths)
     if isinstance(rest.loop, BodyLoop):
         m = loop_margins(rest.loop.gain())

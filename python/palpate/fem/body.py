@@ -399,6 +399,8 @@ class Body(IndentableBody):
             raise BodyError(f"a body's law is neo-hookean or corotational, not {law!r}")
         node_count = whole(nodes_per_tip, "nodes_per_tip", 4, 64)
         tick = tick_period(period)
+        if update_interval is None:
+            raise BodyError('update_interval: a hyperelastic body has two rates; give for example "20 ms"')
         options: dict[str, float | str] = {
             "period": tick,
             "law": law,

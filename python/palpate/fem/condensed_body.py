@@ -19,6 +19,7 @@ from palpate import _core
 from palpate.arrays import Array, Flags, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
+from palpate.fem.checks import point_of
 from palpate.fem.errors import BodyError
 from palpate.fem.layer_modulus import layer_moduli
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
@@ -180,9 +181,12 @@ class CondensedBody:
         `body.surface.vertices + body.on_surface(displacement)` is the deformed surface.
 
         Raises:
-            BodyError: there is not one value, or one row, per node.
+            BodyError: there is not one number, or one row of numbers, per node.
         """
-        each = np.asarray(values, dtype=float)
+        try:
+            each = np.asarray(values, dtype=float)
+        except (TypeError, ValueError):
+            raise BodyError(f"values: one number, or row of numbers, per node is needed, not {values!r}") from None
         if each.ndim == 0 or len(each) != len(self.nodes):
             raise BodyError(f"one value, or row, for each of the {len(self.nodes)} nodes is needed, not {each.shape}")
         whole = np.zeros((len(self.points), *each.shape[1:]))
@@ -211,8 +215,13 @@ class CondensedBody:
         return Volume(self.contents.vertices, self.contents.tetrahedra, str(self.record["source"]))
 
     def contains(self, point: ArrayLike) -> bool:
-        """Return whether a point (3,), m, lies in the body at rest, by the solid angle of its surface."""
-        a, b, c = (self.points[self.triangles[:, i]] - np.asarray(point, dtype=float) for i in range(3))
+        """Return whether a point (3,), m or text, lies in the body at rest, by the solid angle of its surface.
+
+        Raises:
+            PoseError: the point is not three finite numbers.
+        """
+        at = point_of(point)
+        a, b, c = (self.points[self.triangles[:, i]] - at for i in range(3))
         x, y, z = (np.linalg.norm(edge, axis=1) for edge in (a, b, c))
         volume = np.einsum("ka,ka->k", a, np.cross(b, c))  # van Oosterom & Strackee 1983
         dot = [np.einsum("ka,ka->k", p, q) for p, q in ((a, b), (b, c), (c, a))]

@@ -47,9 +47,9 @@ def test_springs_along_the_axes_couple_the_nodes_between_which_they_act(monkeypa
     for i, j in pairs:
         along = volume.points[j] - volume.points[i]
         along[np.abs(along) < 1e-9] = 0.0
-        n = np.zeros(3 * count)
-        n[3 * i : 3 * i + 3], n[3 * j : 3 * j + 3] = -along, along
-        stiffness += 100.0 * np.outer(n, n) / (along @ along)
+        at = np.r_[3 * i : 3 * i + 3, 3 * j : 3 * j + 3]
+        stretch = np.concatenate([-along, along])
+        stiffness[np.ix_(at, at)] += 100.0 * np.outer(stretch, stretch) / (along @ along)
     sparse = scipy.sparse.csr_matrix(stiffness)
     assert sparse.nnz < 9 * np.count_nonzero(np.abs(stiffness).reshape(count, 3, count, 3).sum(axis=(1, 3)))
     loads = np.zeros((count, 4))

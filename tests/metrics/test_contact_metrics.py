@@ -200,9 +200,9 @@ def test_a_palpation_is_summed_sample_by_sample(
     assert found.mesh_error == (force_error(found.nodes, signed_distance=by_distance) if known else None)
     rows = asked.pop()
     assert asked == ([deepest] if known else [])
-    held = np.flatnonzero(touching)
-    count = min(len(held), 200)
-    assert rows.tolist() == [*(held[k * (len(held) - 1) // (count - 1)] for k in range(count)), deepest]
+    count = min(len(touching) - first, 200)
+    span = len(touching) - 1 - first
+    assert rows.tolist() == [*(first + k * span // (count - 1) for k in range(count)), deepest]
 
 
 def test_a_body_is_palpated_in_two_samples_at_least(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -272,6 +272,7 @@ def palpation(**values: Any) -> PalpationMetrics:
         "mesh_error": None,
         "over_fixed": False,
         "tip_depth": None,
+        "final_tip_depth": None,
     }
     return PalpationMetrics(**{**none, "unsolved": 0, "contact_lost": 0, "touching_at_end": True, **values})
 
@@ -287,6 +288,15 @@ BEGINS = "presses the body in by 2 mm with 0.5 N"
         (
             {"tip_depth": 3.14e-3},
             f"{BEGINS} (largest force 0.75 N), its tip 3.14 mm below the surface at rest, rests in contact at the end",
+        ),
+        (
+            {"tip_depth": 3e-3, "final_tip_depth": 2.3e-3},
+            f"{BEGINS} (largest force 0.75 N), its tip 3 mm below the surface at rest (2.3 mm at the end), rests in "
+            "contact at the end",
+        ),
+        (
+            {"tip_depth": 3e-3, "final_tip_depth": 2.5e-3},
+            f"{BEGINS} (largest force 0.75 N), its tip 3 mm below the surface at rest, rests in contact at the end",
         ),
         ({"final_swing": 0.5}, f"{BEGINS} (largest force 0.75 N), is in contact at the end"),
         ({"touching_at_end": False}, f"{BEGINS} (largest force 0.75 N), is apart at the end"),

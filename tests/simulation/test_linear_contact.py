@@ -15,7 +15,7 @@ from palpate.simulation.linear_evidence import linear_radii_of
 from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.verdict import State
 from palpate.simulation.windows import windows
-from palpate.stability import contact_stability
+from palpate.stability.contact_loop import contact_at
 from palpate.stability.mesh_contact import mesh_contact
 from palpate.stability.mode_stability import gain_margin
 
@@ -78,7 +78,8 @@ def test_the_linear_loop_of_a_run_on_a_mesh_is_that_of_its_certificate() -> None
 def test_the_linear_loop_of_a_run_on_a_body_is_that_of_its_contact(block: Path, friction: float) -> None:
     creep = {"instantaneous_ratio": 2.0, "retardation_time": "0.05 s"}
     trace, radius = judged(on_body(block, "viscoelastic", static_friction=friction, **creep))
-    assert radius == pytest.approx(contact_stability(trace).radius, abs=1e-6)
+    scenario = Scenario.from_dict(trace.scenario)
+    assert radius == pytest.approx(contact_at(scenario, trace, len(trace) - 1).radius, abs=1e-6)
 
 
 @pytest.mark.parametrize("stiffness", ["0.01 N/m", "300 N/m"])

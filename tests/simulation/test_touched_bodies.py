@@ -222,12 +222,13 @@ def test_a_loop_on_a_body_is_judged_only_if_the_doubt_about_its_response_does_no
     block: Path, monkeypatch: pytest.MonkeyPatch, asymmetry: float, limit: float, said: str
 ) -> None:
     """The doubt is the asymmetry and a thousandth; the radius is 1 where the scaled response has a limit."""
-    scenario = scenario_of(block)
+    scenario = Scenario.from_dict({**scenario_of(block).to_dict(), "operator": {"kind": "none"}})
     asked: list[tuple[Any, float]] = []
+    slides = False
 
-    def radius(_loop: Any, law: Any, scale: float) -> float:
+    def radius(_loop: Any, law: Any, scale: float) -> tuple[float, bool]:
         asked.append((law, scale))
-        return scale / limit
+        return scale / limit, slides
 
     system = SimpleNamespace(A=np.zeros((1, 1)), B=np.ones((1, 3)), C=np.ones((3, 1)), D=np.diag([1.0, 2.0, 3.0]))
     frame = np.linalg.qr(np.array([[0.0, 1.0, 2.0], [1.0, 0.0, 1.0], [3.0, 1.0, 0.0]]))[0]
@@ -251,6 +252,8 @@ def test_a_loop_on_a_body_is_judged_only_if_the_doubt_about_its_response_does_no
         held.holds_across = False
         linear_contact.contact_radius(run, scenario)
         assert loops[1] == {"kind": "wall", "stiffness": "1 N/m", "normal": frame[:, 0].tolist()}
+        slides, expected = True, "" if said or limit < 1.0 else "nothing holds the tip along the surface of the body"
+        assert said or linear_contact.contact_radius(run, scenario)[1] == expected
     off = Trace.of([0.0, 1.0], {"tip": np.zeros((2, 3)), "touching": [1.0, 0.0]})
     assert linear_contact.contact_radius(off, scenario) == (None, "the tip is off the object")
     held.multirate = True

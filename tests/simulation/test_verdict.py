@@ -290,7 +290,7 @@ def test_a_tip_that_is_pushed_through_its_body_has_lost_contact() -> None:
                 "kind": "signed_distance",
             },
         },
-        "run": {"duration": "0.15 s"},
+        "run": {"duration": "0.1 s"},
     }
     spring = {"kind": "spring", "stiffness": "0.01 N/mm"}
     pad = tables["object"]
@@ -307,6 +307,12 @@ def test_a_tip_that_is_pushed_through_its_body_has_lost_contact() -> None:
         assert trace[channel][-1, 0] == 1.0
         assert trace.verdict.state is State.CONTACT_LOST
         assert trace.verdict.reason.startswith(f"{tip} is pushed through the body at t = ")
+    out = palpate.simulate({**tables, "run": {"duration": "0.5 s"}})  # on the other side of the body
+    assert out["contact_lost"][-1, 0] == 0.0
+    assert out.verdict.state is State.CONTACT_LOST
+    beside = palpate.simulate({**tables, "object": {**pad, "position": ["60 mm", "0 mm", "8 mm"]}})
+    assert beside.verdict.state is State.CONTACT_LOST
+    assert beside.verdict.reason == "the tip never touches the object"
     inside = palpate.simulate({**tables, "object": {**pad, "position": ["0 mm", "0 mm", "3 mm"]}})
     assert inside.verdict.state is State.CONTACT_LOST
     assert inside.verdict.reason == "the tip starts inside the body, where it has no contact: check object.position"

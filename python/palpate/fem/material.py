@@ -6,7 +6,7 @@ import re
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -102,7 +102,9 @@ class Material:
             raise BodyError(
                 f'surface_layer: {surface_layer!r} is no layer; write "2 mm = 50 kPa", or SurfaceLayer(2e-3, 50e3)'
             )
-        each = [regions] if isinstance(regions, Region | str) else list(regions or ())
+        each: list[Any] = [regions]
+        if isinstance(regions, Sequence | None) and not isinstance(regions, str):
+            each = list(regions or ())
         for region in each:
             if not isinstance(region, Region | str):
                 raise BodyError(f'regions: {region!r} is no region; write "sphere 50 50 40 radius 7.5 mm = 25 kPa"')

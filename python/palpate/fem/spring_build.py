@@ -206,7 +206,7 @@ def _network(
 
 def _fixed(fixed: Any, x: Array) -> Flags:
     still = np.zeros(len(x), dtype=bool)
-    listed = [fixed] if isinstance(fixed, str) or callable(getattr(fixed, "inside", None)) else list(fixed)
+    listed = list(fixed) if isinstance(fixed, Sequence | np.ndarray) and not isinstance(fixed, str) else [fixed]
     if listed and all(isinstance(one, str) or callable(getattr(one, "inside", None)) for one in listed):
         for region in dirichlet_regions(listed):
             still |= region.inside(x)

@@ -73,7 +73,7 @@ class PalpationMetrics:
             inverts tetrahedra of a hyperelastic body or moves too far between two of its model updates.
         contact_lost: number of samples without contact inside the body, after the tip was pushed through.
         over_fixed: whether the tip overlaps a fixed or held part of the surface, at the deepest deflection or at one of
-            200 other samples in contact. No force acts there, so the object force is too small.
+            200 other samples since the first contact. No force acts there, so the object force is too small.
         final_tip_forces: magnitudes of the forces of a tool's tips, each the mean over the last 0.1 s; () for one tip.
         tip_depth: of the tip below the surface at rest, at the moment of the deepest deflection (`tip_depths`); None if
             the body is no longer there.
@@ -148,8 +148,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     final, tank, initial = float(stored[-1, 0]), float(saved[-1, 0]), float(stored[0, 0] + saved[0, 0])
     every_tick = int(trace.scenario.get("run", {}).get("record_every", 1)) == 1
     last = time >= time[-1] - LAST
-    rows = first + np.flatnonzero(contact)
-    some = rows[np.linspace(0, len(rows) - 1, min(len(rows), 200)).astype(int)]
+    some = np.linspace(first, len(trace) - 1, min(len(time), 200)).astype(int)
     path, path_stiffness = stiffness_along_path(trace)
     swept = len(path) > 0 and path[-1] > MIN_SWEEP
     below = None if (whole := tip_depths(trace)) is None else whole[first:]

@@ -15,7 +15,7 @@ from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metric
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
 from palpate.scenario.signal import Signal
-from palpate.simulation.bodies import tip_depths
+from palpate.simulation.bodies import overlaps_fixed, tip_depths
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.drive_hold import drive_hold, motor_load
 from palpate.simulation.energy_balance import energy_balance
@@ -31,6 +31,7 @@ __all__ = ["summarize"]
 
 AXES = ("x", "y", "z")
 MAX_INITIAL_DEPTH = 1e-4  # m, penetration at the start above which the summary mentions it
+OTHER = 0.2  # relative difference of two depths above which both are stated
 LEAST_DEFLECTION = 1e-6  # m, steady deflection of an axis below which its transient is of no interest
 
 
@@ -232,6 +233,9 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     """Add the palpation metrics; return the details of a run on a body."""
     found = palpation_metrics(trace)
     summary["palpation"] = None if found is None else found.to_dict()
+    if found is None and trace.completed and "contact_nodes" in trace:
+        some = np.linspace(0, len(trace) - 1, min(len(trace), 200)).astype(int)
+        return [f"the tip {OVERLAPS_FIXED}"] if overlaps_fixed(trace, some) else []
     if found is None or not trace.completed:
         return []
     at_depth, largest = f"{found.deepest_force:.3g} N", f"{summary['peak_object_force_N']:.3g} N"
@@ -242,6 +246,9 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     if found.tip_depth is not None:
         tip = "deepest tip" if found.final_tip_forces else "tip"
         text += f", its {tip} {found.tip_depth * 1e3:.3g} mm below the surface at rest"
+        end = found.final_tip_depth
+        if end is not None and found.touching_at_end and abs(end - found.tip_depth) > OTHER * max(end, found.tip_depth):
+            text += f" ({end * 1e3:.3g} mm at the end)"
     others = found.touching_at_end and pushed_through(trace) is not None
     text += f", {'is in contact by another tip' if others else _at_the_end(found, trace)} at the end"
     if found.final_tip_forces:

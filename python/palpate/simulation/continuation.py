@@ -1,4 +1,4 @@
-"""A run that goes on under its last forces, where a guard or encoder counts on a rough surface may move the tip on."""
+"""A run that goes on under its last forces, where its tip may move on: by a guard, counts, or on a smooth surface."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from palpate.scenario.body import LARGE
 from palpate.simulation.energy_balance import own_motions
 from palpate.simulation.evidence import evidence
 from palpate.simulation.friction_hold import friction_of
-from palpate.simulation.recorded import Recorded, external_forces, recorded_scenario
+from palpate.simulation.recorded import Recorded, external_forces, held_tip, recorded_scenario
 from palpate.simulation.support_phase import last_change
 from palpate.simulation.verdict import band_of
 from palpate.simulation.windows import Window, windows
@@ -21,6 +21,7 @@ LATER: Final = 12  # durations of the run for which it goes on
 LATER_SLOW: Final = 4  # the same of a hyperelastic body, whose updates take long
 FAR: Final = 1.0  # m
 SHIFTS: Final = 0.1  # of the band of rest: way on that is stated
+SLIDES: Final = 1.0 / (5 * LATER)  # of the band, in a fifth: a steady shift that leaves it within `LATER` durations
 
 __all__ = ["LATER", "durations_on", "moves_on", "resting_window", "way_on"]
 
@@ -43,15 +44,16 @@ def moves_on(trace: Recorded) -> str | None:
 def resting_window(trace: Recorded) -> tuple[Window, float] | None:
     """Return the window in which a tip rests that may move on, and its band, m.
 
-    It may behind a guard, and on a mesh or body with dry friction under encoder counts. The tip rests if its motion is
-    within the band. None if it does not, if objects, tools or supports of the scenario change by themselves, or if the
-    drive comes to its limits.
+    It may behind a guard, on a mesh or body with dry friction under encoder counts, and on one without friction if its
+    mean position still shifts. The tip rests if its motion is within the band. None if it does not, if objects, tools
+    or supports of the scenario change by themselves, or if the drive comes to its limits.
     """
     scenario = recorded_scenario(trace)
     if scenario is None or scenario.operator.kind == "fixed":
         return None
-    counts = scenario.device.encoder and friction_of(scenario) > 0.0
-    if not counts and scenario.guard.kind == "none":
+    rough = friction_of(scenario) > 0.0
+    smooth = not rough and any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values())
+    if not smooth and not (rough and scenario.device.encoder) and scenario.guard.kind == "none":
         return None
     if trace.unstable_from is not None or len(trace.time) < 2:
         return None
@@ -61,7 +63,18 @@ def resting_window(trace: Recorded) -> tuple[Window, float] | None:
         return None
     found = evidence(trace, scenario, window, None)
     band = float(band_of(found)[0])
-    return (window, band) if found.touching[0] > 0.0 and found.ripple[0] <= band else None
+    if not found.touching[0] > 0.0 or not found.ripple[0] <= band:
+        return None
+    if smooth and scenario.guard.kind == "none" and not _shift(trace, window) > SLIDES * band:
+        return None
+    return window, band
+
+
+def _shift(trace: Recorded, window: Window) -> float:
+    """Return by how much the mean position of a tip in the last fifth of a window differs from that before, m."""
+    tip, ending = held_tip(trace), window.ending
+    before = tip[max(2 * ending.start - ending.stop, 0) : ending.start]
+    return float(np.linalg.norm(tip[ending].mean(axis=0) - before.mean(axis=0))) if len(before) else 0.0
 
 
 def way_on(tip: Array, window: Window) -> float:

@@ -353,13 +353,23 @@ def pushed_through(trace: Recorded) -> float | None:
 
 
 def _pressed(trace: Recorded, scenario: Scenario, touching: Flags, last: int) -> bool:
-    """Return whether the force at the end presses the tip against the object, as far as the run shows its normal."""
-    loads = trace["reference_force"] + trace["operator_force"]
-    load = loads[last]
-    if np.linalg.norm(load) <= BAND * np.linalg.norm(loads[: last + 1], axis=1).max():
-        return False  # the rounding of an arm at rest has a direction
+    """Return whether a force at the end presses the tip against the object, as far as the run shows its normal.
+
+    It is the load. On an object whose surface may end it is also the reference alone: the arm pulls a tip back that the
+    reference has pressed off it. The normal is that of the mean force in the last stretch of contact.
+    """
+    reference = trace["reference_force"]
+    pushes = [
+        force[last]
+        for force in (reference + trace["operator_force"], reference)
+        if (sizes := np.linalg.norm(force[: last + 1], axis=1))[last] > BAND * sizes.max()
+    ]  # the rounding of an arm at rest has a direction, too
     if scenario.contact_kind in ("wall", "force_law") and scenario.object.normal is not None:
-        return bool(presses(load, scenario.object.normal)[0])
-    if touching[: last + 1].any():
-        return bool(presses(load, -trace["object_force"][np.flatnonzero(touching[: last + 1])[-1]])[0])
-    return bool(np.any(load != 0.0))
+        load = reference[last] + trace["operator_force"][last]
+        return bool(pushes) and bool(presses(load, scenario.object.normal)[0])
+    contact = np.flatnonzero(touching[: last + 1])
+    if len(contact) == 0:
+        return bool(pushes)
+    stretch = slice(int(np.max(np.flatnonzero(~touching[: contact[-1]]), initial=-1)) + 1, int(contact[-1]) + 1)
+    outward = -trace["object_force"][stretch].mean(axis=0)
+    return any(bool(presses(force, outward)[0]) for force in pushes)

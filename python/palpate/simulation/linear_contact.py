@@ -65,11 +65,8 @@ def _mesh_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str
         rubs = surface.tangential != 0.0 and (float(surface.static_friction) > 0.0 or float(surface.viscous) > 0.0)
         law = law.scaled(ratio, normal if rubs else None)
     loop = _loop(trace, scenario, {"kind": "spring", "stiffness": "1 N/m"})
-    values = np.linalg.eigvals(closed_matrix(loop.path, law, loop.directions))
-    rates = np.abs(np.log(np.maximum(np.abs(values), 1e-300)) + 1j * np.angle(values)) / scenario.period
-    drifts = (np.abs(values) >= 1.0 - MARGINAL) & (rates < SLOW)
-    radius = float(np.abs(values[~drifts]).max(initial=0.0))
-    if drifts.any() and radius < 1.0:
+    radius, drifts = _radius(loop, law)
+    if drifts and radius < 1.0:
         return None, "nothing holds the tip along the surface of the mesh"
     return radius, ""
 
@@ -91,17 +88,23 @@ def _body_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str
     s, frame = response.system, held.frame
     law = ContactLaw(s.A, s.B @ frame.T, frame @ s.C, frame @ s.D @ frame.T)
     spring: dict[str, Any] = {"kind": "spring", "stiffness": "1 N/m"}
-    if not held.holds_across:
+    if not held.holds_across and scenario.operator.kind != "arm":
         spring = {"kind": "wall", "stiffness": "1 N/m", "normal": frame[:, 0].tolist()}
     loop, doubt = _loop(trace, scenario, spring), response.asymmetry + DOUBT
-    low, radius, high = (_radius(loop, law, scale) for scale in (1.0 - doubt, 1.0, 1.0 + doubt))
+    (low, _), (radius, drifts), (high, _) = (_radius(loop, law, scale) for scale in (1.0 - doubt, 1.0, 1.0 + doubt))
     if (low < 1.0) != (high < 1.0):
         return None, f"the loop is too near its limit for the error of the body's response (radius {radius:.6g})"
+    if drifts and radius < 1.0:
+        return None, "nothing holds the tip along the surface of the body"
     return radius, ""
 
 
-def _radius(loop: ScenarioLoop, law: ContactLaw, scale: float) -> float:
-    return float(np.abs(np.linalg.eigvals(closed_matrix(loop.path, law, loop.directions, scale))).max())
+def _radius(loop: ScenarioLoop, law: ContactLaw, scale: float = 1.0) -> tuple[float, bool]:
+    """Return the spectral radius of a loop without slow drifts along the surface, and whether there are any."""
+    values = np.linalg.eigvals(closed_matrix(loop.path, law, loop.directions, scale))
+    rates = np.abs(np.log(np.maximum(np.abs(values), 1e-300)) + 1j * np.angle(values)) / float(loop.path.dt)
+    drifts = (np.abs(values) >= 1.0 - MARGINAL) & (rates < SLOW)
+    return float(np.abs(values[~drifts]).max(initial=0.0)), bool(drifts.any())
 
 
 def _loop(trace: Recorded, scenario: Scenario, placeholder: dict[str, Any]) -> ScenarioLoop:

@@ -209,7 +209,12 @@ class Loop:
 
         Args:
             steps: number of samples; None: to the end of the scenario's run. A loop that diverges ends sooner.
+
+        Raises:
+            ScenarioError: `steps` is not a whole number of 0 or more.
         """
+        if steps is not None and (not isinstance(steps, int | np.integer) or steps < 0):
+            raise ScenarioError(f"steps: a number of samples, 0 or more, is needed, not {steps!r}")
         left = max(self.samples - self.count, 0) if steps is None else steps
         for _ in range(left):
             if self.diverged:

@@ -30,7 +30,10 @@ _DEPTHS = (0.25, 0.5, 0.75)  # of the depth at rest, tested as well
 _QUANTILES = (0.5, 0.25, 0.1, 0.75)  # of the depth in contact, tried in turn for a run that does not rest
 _APART = 0.05  # difference of two depths, relative to the depth at rest, that counts
 _REAL = 1e-9  # angle of an eigenvalue, rad per sample, below which its motion does not oscillate
-_NEVER = "the tip does not touch the body in the run; move the body (object.position) or press longer (run.duration)"
+_NEVER = (
+    "the tip does not touch the body in the run; move the body (object.position) to where its surface is not held, or "
+    "press longer (run.duration)"
+)
 _DECAYS = 4.0  # time constants of the slowest motion for which the run is watched
 
 

@@ -317,7 +317,14 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       node = near_.place(nearest).node;
     else if (first)
       node = nodes_->nearest(tip.center, std::numeric_limits<float>::max());
-    tip.lost = node >= 0 && height_over(node, tip) < -max_sunk * tip.shape.radius;
+    tip.lost = node >= 0 && height_over(node, tip) < -max_sunk * tip.shape.radius && is_under(node, tip);
+  }
+
+  /// Whether a tip's center lies under the patch of a node. Beside a body that is touched on its top alone a tip may be lower than that,
+  /// too.
+  [[nodiscard]] bool is_under(std::int32_t node, const NearNodes::Tip& tip) const noexcept {
+    const double aside = (tip.center - nodes_->point(node)).cross(nodes_->normal(node)).norm();
+    return aside < std::max(tip.shape.radius, 1.5 * tip.points->reach(node));  // the corners of a patch are farther than its points
   }
 
   /// Whether no point of the body is in a tip that does not touch it.

@@ -46,7 +46,7 @@ def palpation(
         )
     good = sum(result.stable for result in results)
     color = "green" if good == len(results) else "red"
-    output.print(f"[bold {color}]{good} of {len(results)}[/] loops on bodies of 2 to 100 kPa settle in contact")
+    output.print(f"[bold {color}]{good} of {len(results)}[/] loops on bodies of 2 to 100 kPa are stable in contact")
     verdict = "detectable" if sweep.detectable else "not detectable"
     output.print(f"{escape(sweep.title)}: {100 * sweep.contrast:.3g} % stiffer, {verdict}", soft_wrap=True)
     for path in paths:

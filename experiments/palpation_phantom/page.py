@@ -34,9 +34,11 @@ def palpation_page(results: Sequence[PressResult], sweep: PalpationSweep) -> Pag
         "contact with deformable bodies.",
     )
     page.section("Bodies from soft to stiff")
+    resting = sum(result.rests for result in results)
+    others = "" if resting == len(results) else "; in the others it slides on slowly across the smooth top"
     page.verdict(
-        f"{good} of {len(results)} loops, on bodies of {soft:g} to {stiff:g} kPa, are bounded and settle in contact, "
-        "where the linearized loop is stable by four criteria.",
+        f"{good} of {len(results)} loops, on bodies of {soft:g} to {stiff:g} kPa, are bounded, in contact with a "
+        f"steady force, and stable in the linearized loop by four criteria. In {resting} runs the tip rests{others}.",
         "good" if good == len(results) else "bad",
     )
     page.paragraph(

@@ -14,6 +14,7 @@ from palpate.scenario.operators import OPERATOR_STIFFNESS, default_operator
 from palpate.simulation.bodies import scenario_body
 from palpate.simulation.simulator import simulate
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State
 from palpate.stability import ContactStability, contact_stability
 from palpate.units import to_si
 
@@ -62,8 +63,14 @@ class PressResult:
 
     @property
     def stable(self) -> bool:
-        """Whether the run is bounded and settles in contact, and the linearized loop there is stable."""
-        return self.trace.stable and self.found.settled and self.contact is not None and self.contact.stable
+        """Whether the run is bounded, ends in contact with a steady force, and the linearized loop there is stable."""
+        bounded = self.trace.verdict.state in (State.SETTLED, State.UNDECIDED)
+        return bounded and self.found.settled and self.contact is not None and self.contact.stable
+
+    @property
+    def rests(self) -> bool:
+        """Whether the tip comes to rest; under some controllers it slides on across the smooth top."""
+        return self.trace.stable
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
@@ -72,6 +79,7 @@ class PressResult:
             "law": self.law,
             "young_Pa": self.young,
             "stable": self.stable,
+            "rests": self.rests,
             "contact_stiffness_N_per_m": None if contact is None else contact.static_stiffness,
             "critical_stiffness_N_per_m": None if contact is None else plain(contact.critical_stiffness),
             "spectral_radius": None if contact is None else contact.radius,

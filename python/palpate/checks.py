@@ -13,7 +13,7 @@ from palpate.errors import StabilityError
 from palpate.units import to_si
 
 MAX_TIPS: Final = 8  # of a body's contact
-_SAME_PLACE: Final = 1e-6  # m
+SAME_PLACE: Final = 1e-6  # m, distance of tips
 _PLAIN: Final = "samples"  # counted, so a plain number
 
 
@@ -23,7 +23,7 @@ def tool_mistake(points: Sequence[Sequence[float]]) -> str:
         return f"{len(points)} points; a tool has at most {MAX_TIPS}"
     for k, point in enumerate(points):
         for other in range(k):
-            if math.dist(point, points[other]) < _SAME_PLACE:
+            if math.dist(point, points[other]) < SAME_PLACE:
                 return f"points {other + 1} and {k + 1} are in the same place; remove one"
     return ""
 
@@ -46,7 +46,7 @@ def closest_tips(
             square = sum(x * x for x in change)
             at = -sum(a * b for a, b in zip(narrow, change, strict=True)) / square if square > 0.0 else 1.0
             at = min(max(at, least), 1.0)  # opening at which they are closest
-            if math.hypot(*(a + at * b for a, b in zip(narrow, change, strict=True))) < _SAME_PLACE:
+            if math.hypot(*(a + at * b for a, b in zip(narrow, change, strict=True))) < SAME_PLACE:
                 return other + 1, k + 1
     return None
 

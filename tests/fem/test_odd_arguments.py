@@ -64,3 +64,25 @@ def test_an_odd_argument_raises_no_error_of_python(body: fem.Body, name: str) ->
                     pytest.fail(f"{name}({parameter.name}={value!r}): {type(problem).__name__}: {problem}")
     assert len(said) > len(parameters)
     assert all(said)
+
+
+def test_where_a_tip_is_not_is_said(body: fem.Body) -> None:
+    """A point beside the body, a tip that starts inside it, and two tips in one place."""
+    with pytest.warns(
+        fem.BodyWarning, match=r"point: it lies 15 mm from the surface; .* nearest point \(40, 20, 20\) mm"
+    ):
+        body.signed_distance().indent(["55 mm", "20 mm", "20 mm"], "8 mm", "1 mm")
+    by_distance = body.signed_distance()
+    with pytest.warns(fem.BodyWarning, match="path: a tip starts inside the body"):
+        by_distance.simulate_path([[0.02, 0.02, 0.012]] * 3, "8 mm")
+    with pytest.warns(fem.BodyWarning, match="path: a tip starts inside the body"):
+        by_distance.simulate_tips(np.array([[[0.02, 0.02, 0.03], [0.02, 0.02, 0.012]]] * 3), ["4 mm", "4 mm"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        body.signed_distance().simulate_path([[0.02, 0.02, 0.028]] * 3, "8 mm")
+    volume = fem.block((0.02, 0.02, 0.02), 0.01)
+    solver = fem.QuasiStaticSolver(fem.HyperelasticModel(volume, fem.Material("5 kPa"), "z < 0.001 mm"))
+    with pytest.raises(fem.BodyError, match="in row 1 both tips are in the same place"):
+        solver.simulate_path(
+            [[[0.01, 0.01, 0.03], [0.0, 0.01, 0.03]], [[0.01, 0.01, 0.03]] * 2], "4 mm", outward=(0, 0, 1)
+        )

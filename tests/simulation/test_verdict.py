@@ -310,6 +310,7 @@ def test_a_tip_that_is_pushed_through_its_body_has_lost_contact() -> None:
     out = palpate.simulate({**tables, "run": {"duration": "0.5 s"}})  # on the other side of the body
     assert out["contact_lost"][-1, 0] == 0.0
     assert out.verdict.state is State.CONTACT_LOST
+    assert out.verdict.reason.startswith("the tip is pushed through the body at t = ")
     beside = palpate.simulate({**tables, "object": {**pad, "position": ["60 mm", "0 mm", "8 mm"]}})
     assert beside.verdict.state is State.CONTACT_LOST
     assert beside.verdict.reason == "the tip never touches the object"

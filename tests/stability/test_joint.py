@@ -160,6 +160,7 @@ def test_devices_that_cannot_share_a_body_are_refused(block: Path) -> None:
         ([own, device(block, 28.0, tip="flat")], "takes spheres"),
         ([own, device(block, 28.0, contact_points=[["0 mm"] * 3, ["9 mm"] * 3])], "each device has one tip"),
         ([own, {**two, "servo": {"period": "1 ms", "jitter": "0.1 ms"}}], "sampled together"),
+        ([own, two, own], "points 1 and 3 are in the same place"),
     ]
     for scenarios, text in cases:
         with pytest.raises(ScenarioError, match=text):

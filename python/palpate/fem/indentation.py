@@ -81,8 +81,9 @@ class IndentableBody(CondensedBody):
 
         Inertia and creep are left out (`modal`, `viscoelastic`). An indentation from rest has no friction, except for
         `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
-        Fewer than four nodes in contact, a tip smaller than the distance of the nodes, and a tip that overlaps a fixed
-        or held part of the surface cause a warning. So does, by signed distance, a force that falls with the depth.
+        Fewer than four nodes in contact, a tip smaller than the distance of the nodes, a tip that overlaps a fixed or
+        held part of the surface, and a point farther from the surface than the radius cause a warning. So does, by
+        signed distance, a force that falls with the depth.
 
         Args:
             point: (3,), m or text such as "5 mm".
@@ -118,6 +119,13 @@ class IndentableBody(CondensedBody):
             history = self._ramp(center, normal, deep, size, tip)
         nodes, force, small = int(history.nodes[-1]), history.force[-1], unresolved(self.nodes, target, size, tip)
         error = self._force_error(nodes) if tip == "sphere" and not small else None
+        if (apart := float(np.linalg.norm(target - x))) > size:
+            at = ", ".join(f"{1e3 * value:.3g}" for value in target)
+            warnings.warn(
+                f"point: it lies {1e3 * apart:.3g} mm from the surface; the tip presses the nearest point ({at}) mm",
+                BodyWarning,
+                stacklevel=2,
+            )
         if deep > 0.0:
             if self.overlaps_fixed(center[None], size, None if tip == "sphere" else normal)[0]:
                 warnings.warn(f"the tip {OVERLAPS_FIXED}", BodyWarning, stacklevel=2)
@@ -296,6 +304,7 @@ class IndentableBody(CondensedBody):
         rows = self.core.simulate_path(centers, axes, size, tip == "flat")
         if self.kind.by_distance:
             _warn_of_unsolved(rows)
+            _warn_of_start(rows[:1, LOST])
         if isinstance(self.core, _core.HyperelasticBody):
             check_found(rows[:, SOLVED])
         return ContactHistory.of(rows)
@@ -339,6 +348,7 @@ class IndentableBody(CondensedBody):
         core = self._signed_distance_core(count, tool=False)
         rows = core.simulate_tips(centers, np.ascontiguousarray(axes), sizes, along)
         _warn_of_unsolved(rows.reshape(-1, rows.shape[2]))
+        _warn_of_start(rows[:1, :, LOST])
         return [ContactHistory.of(rows[:, tip]) for tip in range(count)]
 
     def pressure(self) -> Array:
@@ -462,11 +472,18 @@ def _warn_of_unsolved(rows: Array) -> None:
     rows[:, SOLVED] = 1.0
     if unsolved:
         warnings.warn(
-            f"the forces of {unsolved} of {len(rows)} steps are not converged to 2 %, or more than 256 nodes are near "
-            "the tip: use shorter steps, a smaller depth or tip, or a coarser mesh",
+            f"the forces of {unsolved} of {len(rows)} steps are not converged to 2 % (5 % with friction), or more than "
+            "256 nodes are near the tip: use shorter steps, a smaller depth or tip, or a coarser mesh",
             BodyWarning,
             stacklevel=4,
         )
+
+
+def _warn_of_start(lost: Array) -> None:
+    """Warn if a tip of a signed-distance body is lost at the begin of its path: `lost` (tips,) is above 0."""
+    if (lost > 0.0).any():
+        inside = "path: a tip starts inside the body, where it has no contact by signed distance until it has come out"
+        warnings.warn(inside, BodyWarning, stacklevel=4)
 
 
 def check_found(solved: Array) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
+from palpate.checks import SAME_PLACE
 from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
@@ -213,6 +214,8 @@ def _core_path(
     if centers.ndim != 3 or centers.shape[1] not in (1, 2) or centers.shape[2] != 3:
         raise PoseError(f"a path is (m, 3), or (m, 2, 3) for two tips, numbers in m; this has shape {centers.shape}")
     check_finite(centers, "path")
+    if centers.shape[1] == 2 and (same := np.linalg.norm(np.diff(centers, axis=1)[:, 0], axis=1) < SAME_PLACE).any():
+        raise BodyError(f"path: in row {int(np.argmax(same))} both tips are in the same place; keep them apart")
     sizes = lengths(radius, "radius").ravel().tolist()
     radii = np.array([positive(size, "m", "radius") for size in sizes] * (centers.shape[1] if len(sizes) == 1 else 1))
     if len(radii) != centers.shape[1]:

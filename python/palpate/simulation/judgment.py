@@ -267,14 +267,18 @@ def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None
 
 def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
     """Return when the tip left the object, and the reason."""
+    tip = "a tip of the tool" if of_each_object(trace, "point1_force") else "the tip"
     if (pushed := pushed_through(trace)) is not None:
-        tip = "a tip of the tool" if of_each_object(trace, "point1_force") else "the tip"
         if pushed == 0.0:
             return pushed, f"{tip} starts inside the body, where it has no contact: check object.position"
         return pushed, f"{tip} is pushed through the body at t = {pushed:.4g} s, and in it without contact at the end"
     touching = np.flatnonzero(trace["touching"][:, 0])
     if not len(touching):
         return None, "the tip never touches the object"
+    after = [np.flatnonzero(lost[touching[-1] :, 0] > 0.0) for lost in of_each_object(trace, "contact_lost")]
+    if rows := [int(found[0]) for found in after if len(found)]:
+        pushed = float(trace.time[touching[-1] + min(rows)])
+        return pushed, f"{tip} is pushed through the body at t = {pushed:.4g} s, and off it at the end"
     if touching[-1] >= 0.99 * (len(trace.time) - 1):
         first = touching[np.flatnonzero(np.diff(touching) > 1)[0]] if np.any(np.diff(touching) > 1) else touching[-1]
         share = f"{100 * apart:.3g} % of the time since the first contact"

@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate import _core
 from palpate.arrays import Array
-from palpate.checks import MAX_TIPS
+from palpate.checks import MAX_TIPS, tool_mistake
 from palpate.errors import ScenarioError
 from palpate.fem import Body
 from palpate.scenario import Scenario
@@ -50,18 +50,20 @@ class SharedBody:
         choices = [_checked(scenario) for scenario in scenarios]
         for scenario, choice in zip(scenarios[1:], choices[1:], strict=True):
             _check_same(scenarios[0], choices[0], scenario, choice)
-        placed = []
+        placed, starts = [], []
         for scenario in scenarios:
             device = scenario.load_device()
             tip = scenario.start.tip
             start = np.array(scenario.start.pose) if tip is None else device.inverse(tip)
-            at = sensed_tip(scenario, device, start) + np.array(scenario.object.position)
-            placed.append(place_body(scenario, at))
+            starts.append(sensed_tip(scenario, device, start))
+            placed.append(place_body(scenario, starts[-1] + np.array(scenario.object.position)))
         self.body: Body = placed[0][0]
         self.core: _core.SignedDistanceBody = self.body._signed_distance_core(len(scenarios))
         self.origins = np.array([origin for _, origin, _ in placed])
         self.rotations = np.array([turn for _, _, turn in placed])
         self.radii = np.array([choice.radius for choice in choices])
+        if mistake := tool_mistake(self.in_body(np.array([starts]))[0].tolist()):
+            raise scenarios[-1].mistake("object.body.origin", f"the tips start at points of the body: {mistake}")
 
     @property
     def friction(self) -> bool:

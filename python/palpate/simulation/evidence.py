@@ -359,17 +359,17 @@ def _pressed(trace: Recorded, scenario: Scenario, touching: Flags, last: int) ->
     reference has pressed off it. The normal is that of the mean force in the last stretch of contact.
     """
     reference = trace["reference_force"]
-    pushes = [
-        force[last]
-        for force in (reference + trace["operator_force"], reference)
-        if (sizes := np.linalg.norm(force[: last + 1], axis=1))[last] > BAND * sizes.max()
-    ]  # the rounding of an arm at rest has a direction, too
+    loads = reference + trace["operator_force"]
+
+    def acts(force: Array) -> bool:  # the rounding of an arm at rest has a direction, too
+        sizes = np.linalg.norm(force[: last + 1], axis=1)
+        return bool(sizes[last] > BAND * sizes.max())
+
     if scenario.contact_kind in ("wall", "force_law") and scenario.object.normal is not None:
-        load = reference[last] + trace["operator_force"][last]
-        return bool(pushes) and bool(presses(load, scenario.object.normal)[0])
+        return acts(loads) and bool(presses(loads[last], scenario.object.normal)[0])
     contact = np.flatnonzero(touching[: last + 1])
     if len(contact) == 0:
-        return bool(pushes)
+        return acts(loads)
     stretch = slice(int(np.max(np.flatnonzero(~touching[: contact[-1]]), initial=-1)) + 1, int(contact[-1]) + 1)
     outward = -trace["object_force"][stretch].mean(axis=0)
-    return any(bool(presses(force, outward)[0]) for force in pushes)
+    return any(acts(force) and bool(presses(force[last], outward)[0]) for force in (loads, reference))

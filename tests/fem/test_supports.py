@@ -141,7 +141,7 @@ def test_a_held_body_keeps_its_model_and_its_file(body: Body, tmp_path: Path) ->
     ("change", "sentence"),
     [
         (lambda body: body.held("x < -1 mm"), r'held: no contact node lies in "x < -1 mm"'),
-        (lambda body: body.held([LEFT, "z < 10 mm"]), r'in "z < 10 mm"; only contact nodes can be held'),
+        (lambda body: body.held([LEFT, "z < 10 mm"]), r'in "z < 10 mm"; they extend from .* and only they can be held'),
         (lambda body: body.held("z > 0 mm"), "held: all contact nodes are held"),
         (lambda body: body.held("left"), 'held: "left" is no region'),
         (lambda body: body.held(LEFT).modal("1 ms"), "a body with held nodes has no modes"),

@@ -166,6 +166,16 @@ def point_of(value: ArrayLike) -> Array:
     return point
 
 
+def row_of(values: Array) -> str:
+    """Return numbers as text with four digits, separated by commas."""
+    return ", ".join(f"{value:.4g}" for value in values)
+
+
+def bounds_of(points: Array) -> str:
+    """Return the corners of the box around points (p, 3), m, as text in mm."""
+    return f"from ({row_of(points.min(axis=0) * 1e3)}) to ({row_of(points.max(axis=0) * 1e3)}) mm"
+
+
 def check_finite(points: Array, field: str) -> None:
     """Raise PoseError, naming the first row of `points` (m, ..., 3) with a number that is not finite."""
     bad = ~np.isfinite(points).all(axis=tuple(range(1, points.ndim)))

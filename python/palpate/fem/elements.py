@@ -20,6 +20,7 @@ from scipy import sparse
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact.mesh import Mesh
 from palpate.contact.simplices import area_vectors
+from palpate.fem.checks import bounds_of, row_of
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.hat_functions import hat_integrals, mean_normals
 from palpate.fem.material import Material, SurfaceLayer
@@ -68,7 +69,7 @@ class Elements:
             outside = "" if self.touch is None else f" or outside of {self.touch}"
             raise BodyError(
                 f"the body has no contact node: all surface vertices are fixed{outside}; the body extends "
-                f"{_bounds(self.volume.points)}"
+                f"{bounds_of(self.volume.points)}"
             )
 
     @cached_property
@@ -116,7 +117,7 @@ class Elements:
                 inside &= self.surface_nodes
             if not inside.any():
                 raise BodyError(
-                    f"fixed: no node of the body lies in {region}; it extends {_bounds(self.nodes)}: use a larger "
+                    f"fixed: no node of the body lies in {region}; it extends {bounds_of(self.nodes)}: use a larger "
                     "region, or a finer mesh"
                 )
             dirichlet |= inside
@@ -284,17 +285,9 @@ class Elements:
             points = self.volume.points[fixed[parts[fixed] == part]]
             if len(points) == 0:
                 x = self.volume.points[np.argmax(parts == part)]
-                raise BodyError(f"a piece of the body is not fixed: the one with the point ({_row(x * 1e3)}) mm")
+                raise BodyError(f"a piece of the body is not fixed: the one with the point ({row_of(x * 1e3)}) mm")
             spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
             if len(points) < 3 or spread[1] < 1e-6 * self.volume.extent:
                 raise BodyError(
                     "the fixed vertices lie on one line, about which the body can rotate: fix a larger part of it"
                 )
-
-
-def _row(values: Array) -> str:
-    return ", ".join(f"{value:.4g}" for value in values)
-
-
-def _bounds(points: Array) -> str:
-    return f"from ({_row(points.min(axis=0) * 1e3)}) to ({_row(points.max(axis=0) * 1e3)}) mm"

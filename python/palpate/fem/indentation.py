@@ -25,6 +25,7 @@ from palpate.fem.checks import (
     lengths,
     point_of,
     positive,
+    row_of,
 )
 from palpate.fem.condensed_body import CondensedBody
 from palpate.fem.contact_accuracy import force_error, unresolved
@@ -120,7 +121,7 @@ class IndentableBody(CondensedBody):
         nodes, force, small = int(history.nodes[-1]), history.force[-1], unresolved(self.nodes, target, size, tip)
         error = self._force_error(nodes) if tip == "sphere" and not small else None
         if (apart := float(np.linalg.norm(target - x))) > size:
-            at = ", ".join(f"{1e3 * value:.3g}" for value in target)
+            at = row_of(1e3 * target)
             warnings.warn(
                 f"point: it lies {1e3 * apart:.3g} mm from the surface; the tip presses the nearest point ({at}) mm",
                 BodyWarning,
@@ -167,10 +168,6 @@ class IndentableBody(CondensedBody):
 
     def _indentation_axis(self, x: Array, size: float, deep: float) -> tuple[Array, Array]:
         """Return the surface point nearest to `x` (3,), m, and the unit normal there (3,); raise as `indent`."""
-        if deep > 1000 * size:
-            raise BodyError(
-                f"radius: {size:g} m is less than a thousandth of the depth of {deep:g} m: use a larger tip"
-            )
         nearest, face = self.surface.nearest(x[None])
         distance = float(np.linalg.norm(nearest[0] - x))
         if distance > self.extent:
@@ -181,6 +178,10 @@ class IndentableBody(CondensedBody):
             raise BodyError(f"depth: {deep:g} m exceeds the body's extent of {self.extent:.3g} m: lengths are in m")
         if size > self.extent:
             raise BodyError(f"radius: {size:g} m exceeds the body's extent of {self.extent:.3g} m: use a smaller tip")
+        if deep > 1000 * size:
+            raise BodyError(
+                f"radius: {size:g} m is less than a thousandth of the depth of {deep:g} m: use a larger tip"
+            )
         beside = self.untouched_surface
         if beside is not None and distance > size:
             other = float(np.linalg.norm(beside.nearest(x[None])[0][0] - x))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.arrays import Array, Flags
-from palpate.fem.checks import not_negative
+from palpate.fem.checks import bounds_of, not_negative
 from palpate.fem.errors import BodyError
 from palpate.fem.selectors import Selector, parse_selectors
 
@@ -105,7 +105,7 @@ def inside(regions: Sequence[str], nodes: Array, key: str) -> Flags:
     for region in where:
         within = region.inside(nodes)
         if not within.any():
-            raise BodyError(f'supports: {key}: no contact node lies in "{region}"')
+            raise BodyError(f'supports: {key}: no contact node lies in "{region}"; they extend {bounds_of(nodes)}')
         found |= within
     return found
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, blas, cholesky, solve_triangular
 
 from palpate.arrays import Flags, Indices, Single
+from palpate.fem.checks import bounds_of
 from palpate.fem.errors import BodyError
 from palpate.fem.selectors import Selector, parse_selectors
 from palpate.fem.storage import BodyData
@@ -38,7 +39,9 @@ def hold(contents: BodyData, regions: str | Selector | Sequence[str | Selector],
     for region in where:
         inside = region.inside(nodes)
         if not inside.any():
-            raise BodyError(f'held: no contact node lies in "{region}"; only contact nodes can be held')
+            raise BodyError(
+                f'held: no contact node lies in "{region}"; they extend {bounds_of(nodes)}, and only they can be held'
+            )
         held |= inside
     if held.all():
         raise BodyError("held: all contact nodes are held, so nothing of the body can be touched")

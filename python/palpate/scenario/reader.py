@@ -173,6 +173,9 @@ def _sentence(scenario: type[BaseModel], error: Any) -> tuple[tuple[str | int, .
         return field, f'{dotted}: "{value}" is not one of {", ".join(choices)}{hint}'
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return field, f"{dotted} must be a table, written [{dotted}]"
+    if kind in ("tuple_type", "list_type"):
+        example = "".join(f"; write for example {field[-1]} = {text}" for text in _examples_of(scenario, field))
+        return field, f"{dotted}: {value!r} must be a list in brackets{example}"
     if kind == "string_type":
         return field, f"{dotted}: {value!r} must be text in quotation marks"
     if message.startswith("must "):

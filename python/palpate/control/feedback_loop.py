@@ -8,7 +8,7 @@ inside the unit circle.
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
 import control
 import numpy as np
@@ -83,13 +83,17 @@ def closed_loop_matrix(loop: control.StateSpace, gain: complex | Array = 1.0) ->
     """
     m = loop.noutputs
     g = np.asarray(gain) * np.eye(m) if np.ndim(gain) == 0 else np.asarray(gain)
-    return np.asarray(loop.A - loop.B @ np.linalg.solve(np.eye(m) + g @ loop.D, g @ loop.C), dtype=complex)
+    return np.asarray(_fed_back(loop, g), dtype=complex)
 
 
 def closed_loop_matrices(loop: control.StateSpace, gains: Array) -> Array:
     """Return the state matrices (k, n, n) of `closed_loop_matrix` for real gains (k,)."""
-    g = gains[:, None, None]
-    return np.asarray(loop.A - loop.B @ np.linalg.solve(np.eye(loop.noutputs) + g * loop.D, g * loop.C))
+    return np.asarray(_fed_back(loop, gains[:, None, None] * np.eye(loop.noutputs)), dtype=float)
+
+
+def _fed_back(loop: control.StateSpace, g: Any) -> Any:
+    """Return A - B (I + g D)^-1 g C of ``loop`` for gains g (..., m, m)."""
+    return loop.A - loop.B @ np.linalg.solve(np.eye(loop.noutputs) + g @ loop.D, g @ loop.C)
 
 
 def spectral_radius(loop: control.StateSpace, gain: complex | Array = 1.0) -> float:

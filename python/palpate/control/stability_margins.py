@@ -24,7 +24,7 @@ import numpy as np
 from scipy.linalg import eigvals
 from scipy.optimize import brentq, minimize_scalar
 
-from palpate.arrays import Array, Complex
+from palpate.arrays import Array, Complex, Flags
 from palpate.control.controller import Controller
 from palpate.control.feedback_loop import closed_loop_matrices, loop_gain, spectral_radius
 from palpate.errors import DesignError
@@ -162,10 +162,8 @@ def _first_exit(loop: control.StateSpace, gains: Array) -> float | None:
         block = gains[start : start + BLOCK + 1]
         sizes, slopes = _moduli(loop, block)
         ways = np.diff(block)[:, None]
-        leaves = (sizes[1:].max(axis=1, initial=0.0) >= 1.0) | np.any(
-            (_ahead(sizes[:-1], slopes[:-1], ways) >= 1.0) | (_ahead(sizes[1:], slopes[1:], -ways) >= 1.0), axis=1
-        )
-        for k in np.flatnonzero(leaves):
+        may_leave = _reaches(sizes[:-1], slopes[:-1], ways) & _reaches(sizes[1:], slopes[1:], -ways)
+        for k in np.flatnonzero((sizes[1:].max(axis=1, initial=0.0) >= 1.0) | may_leave):
             if (found := _exit(loop, float(block[k]), float(block[k + 1]))) is not None:
                 return _edge(loop, *found)
     return None
@@ -187,7 +185,7 @@ def _exit(loop: control.StateSpace, inside: float, outside: float) -> tuple[floa
 def _may_leave(loop: control.StateSpace, first: float, last: float) -> bool:
     """Return whether the slopes of the eigenvalues' moduli at both gains lead one out of the circle in between."""
     sizes, slopes = _moduli(loop, np.array([first, last]))
-    return bool(np.any(_ahead(sizes, slopes, np.array([[last - first], [first - last]])) >= 1.0))
+    return bool(_reaches(sizes, slopes, np.array([[last - first], [first - last]])).all())
 
 
 def _moduli(loop: control.StateSpace, gains: Array) -> tuple[Array, Array]:
@@ -203,10 +201,14 @@ def _moduli(loop: control.StateSpace, gains: Array) -> tuple[Array, Array]:
     return sizes, np.real(np.conj(values) * rates) / np.maximum(sizes, 1e-300)
 
 
-def _ahead(sizes: Array, slopes: Array, ways: Array) -> Array:
-    """Return the largest moduli to expect within changes of the gain (k, 1)."""
+def _reaches(sizes: Array, slopes: Array, ways: Array) -> Flags:
+    """Return whether slopes (k, n) may lead a modulus (k, n) out of the circle within changes of the gain (k, 1): (k,).
+
+    A slope of inf, which is not known, may.
+    """
     with np.errstate(invalid="ignore"):
-        return np.asarray(sizes + CURVES * np.fmax(slopes * ways, 0.0))
+        ahead = sizes + CURVES * np.fmax(slopes * ways, 0.0)
+    return np.asarray(((ahead >= 1.0) | np.isinf(slopes)).any(axis=1), dtype=bool)
 
 
 def _edge(loop: control.StateSpace, inside: float, outside: float) -> float:

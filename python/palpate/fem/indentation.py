@@ -13,7 +13,7 @@ from palpate import _core
 from palpate.arrays import Array, Flags, Indices
 from palpate.checks import MAX_TIPS
 from palpate.contact.simplices import area_vectors, volumes
-from palpate.contact.unfound import crowded
+from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded
 from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
@@ -474,7 +474,7 @@ def _warn_of_unsolved(rows: Array) -> None:
     if unsolved:
         warnings.warn(
             f"the forces of {unsolved} of {len(rows)} steps are not converged to 2 % (5 % with friction), or more than "
-            "256 nodes are near the tip: use shorter steps, a smaller depth or tip, or a coarser mesh",
+            f"{MOST_PLACES} nodes are near the tip: use shorter steps, a smaller depth or tip, or a coarser mesh",
             BodyWarning,
             stacklevel=4,
         )
@@ -491,7 +491,7 @@ def check_found(solved: Array) -> None:
     """Raise BodyError if the forces on a hyperelastic body were not found in some ticks: `solved` (m,) is 0."""
     if missing := int(np.count_nonzero(solved == 0.0)):
         raise BodyError(
-            f"path: the contact forces of {missing} of {len(solved)} ticks were not found: more than 128 nodes lie "
-            "under the tip, it inverts tetrahedra of the body, or it moves too far between two model updates: use a "
-            "smaller depth or tip, a coarser mesh, or smaller steps"
+            f"path: the contact forces of {missing} of {len(solved)} ticks were not found: more than {MOST_NODES} "
+            "nodes lie under the tip, it inverts tetrahedra of the body, or it moves too far between two model "
+            "updates: use a smaller depth or tip, a coarser mesh, or smaller steps"
         )

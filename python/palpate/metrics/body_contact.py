@@ -129,6 +129,11 @@ def deepest_sample(trace: Trace) -> int | None:
     return int(np.argmax(np.where(known, depth, -1.0))) if known.any() else None
 
 
+def some_samples(trace: Trace, first: int = 0) -> Array:
+    """Return up to 200 samples of a trace from `first` on, evenly spaced, with both ends."""
+    return np.asarray(np.linspace(first, len(trace) - 1, min(len(trace) - first, 200)).astype(int))
+
+
 def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     """Return the metrics of a trace on a body; None without a body or with fewer than two samples in contact."""
     if "contact_nodes" not in trace or np.count_nonzero(trace["touching"]) < 2:
@@ -148,7 +153,6 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
     final, tank, initial = float(stored[-1, 0]), float(saved[-1, 0]), float(stored[0, 0] + saved[0, 0])
     every_tick = int(trace.scenario.get("run", {}).get("record_every", 1)) == 1
     last = time >= time[-1] - LAST
-    some = np.linspace(first, len(trace) - 1, min(len(time), 200)).astype(int)
     path, path_stiffness = stiffness_along_path(trace)
     swept = len(path) > 0 and path[-1] > MIN_SWEEP
     below = None if (whole := tip_depths(trace)) is None else whole[first:]
@@ -174,7 +178,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         touching_at_end=bool(contact[last].all()),
         unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
         contact_lost=int(np.count_nonzero(trace["contact_lost"][first:] > 0.0)) if "contact_lost" in trace else 0,
-        over_fixed=overlaps_fixed(trace, np.append(some, first + at)),
+        over_fixed=overlaps_fixed(trace, np.append(some_samples(trace, first), first + at)),
         final_tip_forces=tuple(
             float(np.mean(np.linalg.norm(trace[name][first:][last], axis=1))) for name in _tip_forces(trace)
         ),

@@ -11,7 +11,7 @@ import numpy as np
 from palpate.contact.unfound import UNFOUND, unfound
 from palpate.devices.reach import near_limits
 from palpate.fem.indentation import OVERLAPS_FIXED
-from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics
+from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics, some_samples
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
 from palpate.scenario.signal import Signal
@@ -234,8 +234,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     found = palpation_metrics(trace)
     summary["palpation"] = None if found is None else found.to_dict()
     if found is None and trace.completed and "contact_nodes" in trace:
-        some = np.linspace(0, len(trace) - 1, min(len(trace), 200)).astype(int)
-        return [f"the tip {OVERLAPS_FIXED}"] if overlaps_fixed(trace, some) else []
+        return [f"the tip {OVERLAPS_FIXED}"] if overlaps_fixed(trace, some_samples(trace)) else []
     if found is None or not trace.completed:
         return []
     at_depth, largest = f"{found.deepest_force:.3g} N", f"{summary['peak_object_force_N']:.3g} N"

@@ -24,7 +24,6 @@ _MAX_UPDATES = 200  # of a hyperelastic body's model
 _DRIFT = 1e-9  # change of the force in a block, relative to the force, below which the body is at rest
 _STEADY = 4  # blocks without less change, after which it is noise or a vibration
 _FORCE, NODES, SOLVED, LOST = slice(0, 3), 7, 9, 14  # columns of a row of the core
-PUSHED_THROUGH = "the tip is pushed through the body: use a smaller force or a larger tip"
 
 
 class HeldTip:
@@ -165,15 +164,26 @@ class HeldTip:
 
     def _check(self, rows: Array, share: float = 0.0) -> Array:
         """Return rows of the core, and count their ticks; raise StabilityError if more than a share has no force."""
-        if np.mean(rows[:, SOLVED] == 0.0) > share:
-            if rows.shape[1] > LOST and rows[:, LOST].any():
-                raise StabilityError(PUSHED_THROUGH)
-            raise StabilityError(
-                "the contact of the body is not solved in each tick, or too many nodes lie under the tip; use a "
-                "smaller tip or depth, or a coarser mesh"
-            )
+        check_solved(rows, "the tip; use a smaller tip or depth", share)
         self.ticks += len(rows)
         return rows
+
+
+def check_solved(rows: Array, under: str, share: float = 0.0) -> None:
+    """Raise StabilityError if more than a share of the core's rows (..., columns) has no force.
+
+    Args:
+        rows: of one tip or several.
+        under: what too many nodes may lie under, and the remedy.
+        share: of the rows.
+    """
+    if np.mean(rows[..., SOLVED] == 0.0) <= share:
+        return
+    if rows.shape[-1] > LOST and rows[..., LOST].any():
+        raise StabilityError("the tip is pushed through the body: use a smaller force or a larger tip")
+    raise StabilityError(
+        f"the contact of the body is not solved in each tick, or too many nodes lie under {under}, or a coarser mesh"
+    )
 
 
 def contact_frame(normal: Array) -> Array:

@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 
 from palpate.arrays import Array
 from palpate.errors import StabilityError
-from palpate.simulation.body_response.held_tip import BLOCK, LOST, NODES, PUSHED_THROUGH, SOLVED, HeldTip, contact_frame
+from palpate.simulation.body_response.held_tip import BLOCK, NODES, HeldTip, check_solved, contact_frame
 from palpate.simulation.shared_body import SharedBody
 
 __all__ = ["HeldTips"]
@@ -60,12 +60,6 @@ class HeldTips(HeldTip):
 
     def _step(self, positions: Array) -> Array:
         rows = self._shared.step(positions)
-        if not rows[:, :, SOLVED].all():
-            if rows.shape[2] > LOST and rows[:, :, LOST].any():
-                raise StabilityError(PUSHED_THROUGH)
-            raise StabilityError(
-                "the contact of the body is not solved in each tick, or too many nodes lie under the tips; use smaller "
-                "tips or depths, or a coarser mesh"
-            )
+        check_solved(rows, "the tips; use smaller tips or depths")
         self.ticks += len(positions)
         return rows

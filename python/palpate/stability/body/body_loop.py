@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import control
 import numpy as np
@@ -96,12 +97,13 @@ class BodyLoop:
         distance from 1 is that motion.
         """
         values = np.linalg.eigvals(self.matrix(scale))
-        for zero in self._slides():
+        for zero in self._slides:
             nearest = int(np.argmin(np.abs(values - zero)))
             if abs(values[nearest] - zero) < _SAME * (zero - 1.0):
                 values = np.delete(values, nearest)
         return float(np.abs(values).max(initial=0.0))
 
+    @cached_property
     def _slides(self) -> Array:
         """Return the real zeros of `path` above 1."""
         p, r = self.path, len(self.normal)

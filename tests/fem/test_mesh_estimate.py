@@ -169,24 +169,18 @@ def test_the_budget_of_a_given_mesh_counts_the_modes_before_it_is_condensed() ->
     assert not any("condensing" in text for text in stages)
 
 
-@pytest.mark.parametrize("library", ["SuperLU", "PARDISO"])
-def test_the_cost_of_modes_grows_with_each_of_its_causes(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("palpate.fem.modes_cost.installed", lambda: library)
-    base: dict[str, Any] = {"unknowns": 1e4, "contact_nodes": 60, "count": 50, "entries": 1e7, "operations": 1e10}
-    cost = modes_cost(**base, speed=1e10)
-    for cause in ("unknowns", "contact_nodes", "count", "entries"):
-        assert modes_cost(**{**base, cause: base[cause] * 1.3 // 1}, speed=1e10).memory > cost.memory - 1e-3
-    assert cost.memory > 12.0 * base["entries"] + 8.0 * base["unknowns"] * 2 * base["count"]
-    assert (cost.seconds is None) == (library == "PARDISO")
-    assert ("PARDISO (extra body)" in cost.remedy) == (library == "SuperLU")
-    if library == "SuperLU":
-        assert cost.seconds is not None
-        assert cost.seconds > 1e10 / 1e10  # slower than a dense product
-        assert f"about {cost.seconds:.2g} s by SuperLU" in str(cost)
+def test_the_cost_of_modes_grows_with_each_of_its_causes() -> None:
+    base: dict[str, Any] = {"unknowns": 1e4, "contact_nodes": 60, "count": 50, "entries": 1e7}
+    cost = modes_cost(**base)
+    for cause, value in base.items():
+        dearer = modes_cost(**{**base, cause: value * 1.3 // 1})
+        assert dearer.memory > cost.memory
+        assert dearer.seconds > cost.seconds or cause == "unknowns"
+    assert cost.memory > 8.0 * base["entries"] + 8.0 * base["unknowns"] * 2 * base["count"]
 
 
 def test_the_entries_of_the_factor_are_those_of_a_dense_factorization() -> None:
-    """Cholesky's factor in the order of the fronts: fronts of up to 96 nodes count as dense."""
+    """Cholesky's factor in the order of the fronts: fronts of up to 96 nodes count as dense, and as full squares."""
     elements = Elements(bodies.block(0.04, 0.01), Material("5 kPa"), parse_selectors("z <= 0 mm"), None, 1)
     free = ~elements.dirichlet
     stiffness = elements.stiffness[elements.free][:, elements.free]
@@ -197,7 +191,10 @@ def test_the_entries_of_the_factor_are_those_of_a_dense_factorization() -> None:
     definite = np.tril(definite) + np.tril(definite, -1).T
     np.fill_diagonal(definite, 1e3)
     entries = np.count_nonzero(np.abs(np.linalg.cholesky(definite)) > 1e-40)
-    assert entries <= solver.factor_entries <= 1.6 * entries
+    squares = sum(front.sizes[0] * (front.sizes[0] - 1) / 2.0 for front in solver._fronts)  # above the diagonals
+    assert entries <= solver.factor_entries - squares <= 1.6 * entries
+    kept = solver.factor()._fronts
+    assert solver.factor_entries == sum(front.diagonal.size + front.coupling.size for front in kept)
     assert solver.factor_operations > solver.factor_entries
 
 

@@ -158,7 +158,7 @@ def large_press(body: Body) -> Any:
 
 
 def estimates() -> Any:
-    of, cost = surface(ellipsoid()), modes_cost(9e3, 300.0, 20, 4e6, 1e9, 5e9)
+    of, cost = surface(ellipsoid()), modes_cost(9e3, 300.0, 20, 4e6, 0.2)
     steps = [(h, order) for h in (2e-3, 4e-3) for order in (1, 2)]
     nodes = plain().nodes
     return summary(
@@ -167,7 +167,7 @@ def estimates() -> Any:
             [of.extent, of.area, of.volume, of.thickness, of.shells, of.simple],
             surface_samples(of, 3e-3),
             [fill(x) for x in (1e3, 1e5)], [groups(x, y) for x, y in ((1e3, 50.0), (1e6, 4e3), (3e5, 900.0))],
-            [cost.count, cost.memory, cost.seconds, cost.remedy],
+            [cost.count, cost.memory, cost.seconds],
             [force_error(k, signed_distance=far) for k in range(1, 40, 3) for far in (True, False)],
             node_distance(nodes, nodes[3] + 1e-3),
             [unresolved(nodes, nodes[3], r, "sphere") for r in (1e-3, 2e-2)],

@@ -16,13 +16,12 @@ from palpate.contact.simplices import area_vectors
 from palpate.fem.body import Body
 from palpate.fem.checks import not_negative, positive, unit_of_length, warn_of_size, whole
 from palpate.fem.closed_surface import ClosedSurface
-from palpate.fem.condensation import Condensation, check_memory, check_memory_of_modes, speed
+from palpate.fem.condensation import Condensation, check_memory, check_memory_of_modes
 from palpate.fem.contact_accuracy import spacing_for
 from palpate.fem.elements import Elements, check_order
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, Region, SurfaceLayer
 from palpate.fem.mesh_estimate import FineZone, check_memory_before, check_parts, estimate, surface_samples
-from palpate.fem.modes_cost import modes_cost
 from palpate.fem.refinement import Size, graded_size
 from palpate.fem.selectors import Selector, parse_selector, parse_selectors
 from palpate.fem.storage import BodyData, check_target, write
@@ -180,8 +179,7 @@ def _condense(elements: Elements, modes: int, memory: float | str, stages: _Stag
     check_memory(count, condensation.memory, memory)
     cost = None
     if modes:
-        entries, operations = condensation.factor
-        cost = modes_cost(len(elements.free), count, modes, entries, operations, speed())
+        cost = condensation.modes_cost(modes)
         check_memory_of_modes(cost, elements.memory + 36.0 * count**2, memory)
     stages.begin("condensing", str(condensation))
     compliance = condensation.compliance()
@@ -189,7 +187,7 @@ def _condense(elements: Elements, modes: int, memory: float | str, stages: _Stag
     found = Modes(np.empty(0), nothing, np.empty(0), nothing)
     if modes:
         stages.begin("modes", str(cost))
-        found = find_modes(elements, modes)
+        found = find_modes(elements, condensation.factor(), modes)
     seconds = stages.end()
     record = {**inputs, **_record(elements, condensation), "seconds": seconds, "versions": versions()}
     return _body_data(elements, compliance, found, record)
@@ -392,7 +390,7 @@ def _body_data(elements: Elements, compliance: Any, modes: Modes, record: dict[s
 def versions() -> dict[str, str]:
     """Return the versions of the libraries that a build depends on."""
     versions = {}
-    for name in ("palpate", "numpy", "scipy", "scikit-fem", "scikit-sparse", "pypardiso", "pytetwild", "meshio"):
+    for name in ("palpate", "numpy", "scipy", "scikit-fem", "pytetwild", "meshio"):
         try:
             versions[name] = version(name)
         except PackageNotFoundError:

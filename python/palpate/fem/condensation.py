@@ -16,7 +16,8 @@ from scipy.linalg import blas, lapack
 from palpate.fem.checks import positive
 from palpate.fem.elements import Elements
 from palpate.fem.errors import BodyError
-from palpate.fem.modes_cost import ModesCost
+from palpate.fem.factor import Factor
+from palpate.fem.modes_cost import ModesCost, modes_cost
 from palpate.fem.multifrontal import MultifrontalSolver
 
 _PROGRAM = 0.15e9  # bytes of the program and its libraries
@@ -41,7 +42,7 @@ def check_memory_of_modes(cost: ModesCost, kept: float, budget: float | str) -> 
     if working > allowed:
         raise BodyError(
             f"memory: {cost.count} modes need about {bytes_text(working)}, over the budget of {bytes_text(allowed)}: "
-            f"use {cost.remedy}a coarser mesh, or a larger budget"
+            "use fewer modes, a coarser mesh, or a larger budget"
         )
 
 
@@ -57,20 +58,26 @@ class Condensation:
         free = ~elements.dirichlet
         stiffness = elements.stiffness[elements.free][:, elements.free]
         self._solver = MultifrontalSolver(stiffness, elements.load[free], elements.nodes[free])
-        self._vertices = len(elements.contact_nodes)
+        self._vertices, self._unknowns = len(elements.contact_nodes), len(elements.free)
         self.operations = self._solver.operations
         check = 2 * 36.0 * self._vertices**2  # the compliance and its factor
         self.memory = _PROGRAM + elements.memory + 20.0 * stiffness.nnz + max(self._solver.memory, check)
 
-    @property
-    def factor(self) -> tuple[float, float]:
-        """Entries of the Cholesky factor of the stiffness, and multiplications that compute it."""
-        return self._solver.factor_entries, self._solver.factor_operations
+    def modes_cost(self, count: int) -> ModesCost:
+        """Return the cost of `count` vibration modes."""
+        solver = self._solver
+        return modes_cost(
+            self._unknowns, self._vertices, count, solver.factor_entries, solver.factor_operations / sustained_speed()
+        )
+
+    def factor(self) -> Factor:
+        """Return the factor of the stiffness of the free unknowns. Raise BodyError if it is not positive definite."""
+        return self._solver.factor()
 
     def __str__(self) -> str:
         return (
             f"condensing to {self._vertices:,} contact nodes: {bytes_text(self.memory)}, "
-            f"{self.operations / 1e9:.3g} Gflop, about {self.operations / (_EFFICIENCY * speed()):.2g} s"
+            f"{self.operations / 1e9:.3g} Gflop, about {self.operations / sustained_speed():.2g} s"
         )
 
     def compliance(self) -> NDArray[np.float32]:
@@ -88,13 +95,13 @@ class Condensation:
         return compliance
 
 
-def speed() -> float:
-    """Return the floating-point operations per second of a dense product in double precision."""
+def sustained_speed() -> float:
+    """Return the floating-point operations per second of a factorization, from the time of a dense product."""
     a = np.ones((1024, 1024), order="F")
     blas.dgemm(1.0, a, a)
     begin = time.perf_counter()
     blas.dgemm(1.0, a, a)
-    return 2.0 * 1024.0**3 / (time.perf_counter() - begin)
+    return _EFFICIENCY * 2.0 * 1024.0**3 / (time.perf_counter() - begin)
 
 
 def bytes_text(number: float) -> str:

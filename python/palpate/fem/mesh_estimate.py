@@ -14,7 +14,7 @@ from palpate.contact.simplices import area_vectors, components
 from palpate.fem.checks import positive
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError
-from palpate.fem.modes_cost import ModesCost, fill, modes_cost
+from palpate.fem.modes_cost import fill, modes_cost
 from palpate.fem.selectors import Selector
 
 # Nodes per volume / spacing^3 and per area / spacing^2, by the order of the elements, and contact nodes per
@@ -135,7 +135,7 @@ def check_memory_before(
         lambda edge: _needed(surface, edge, order, touched, modes), spacing, MAX_SPACING * surface.thickness, allowed
     )
     dear = _needed(surface, spacing, order, touched, 0) < size
-    fewer = _modes(surface, spacing, order, modes).remedy if dear else ""
+    fewer = "fewer modes, " if dear else ""
     use = "" if fits is None else f"a spacing of {1e3 * fits:.2g} mm or more, "
     remedy = f"{use}{fewer}a smaller contact surface (touch), or {_larger(fits)}"
     raise BodyError(
@@ -211,12 +211,10 @@ def _needed(
     """Return the largest memory of the stages of a build, bytes."""
     size = estimate(surface, spacing, order, zone)
     condensing = size.memory if touched or zone is not None else size.memory - 72.0 * size.contact_nodes**2
-    return max(condensing, _PROGRAM + _modes(surface, spacing, order, modes).memory) if modes else condensing
-
-
-def _modes(surface: ClosedSurface, spacing: float, order: int, modes: int) -> ModesCost:
-    size = estimate(surface, spacing, order)
-    return modes_cost(3.0 * size.nodes, size.contact_nodes, modes, fill(3.0 * size.nodes))
+    if not modes:
+        return condensing
+    unknowns = 3.0 * size.nodes
+    return max(condensing, _PROGRAM + modes_cost(unknowns, size.contact_nodes, modes, fill(unknowns)).memory)
 
 
 def _solid_parts(surface: ClosedSurface) -> Indices:

@@ -13,6 +13,7 @@ eliminated in double precision, and their energy checks C.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ from palpate.arrays import Array, Indices, Single
 from palpate.fem import dense
 from palpate.fem.dissection import nested_dissection
 from palpate.fem.errors import BodyError
-from palpate.fem.factor import NOT_DEFINITE
+from palpate.fem.factor import NOT_DEFINITE, Factor, FactorFront
 
 _TRIALS = 4  # loads that check the compliance
 _TOLERANCE = 1e-4  # on their energy, relative
@@ -67,15 +68,15 @@ class _StoppedError(Exception):
 
 
 class MultifrontalSolver:
-    """Solver for the compliance of a stiffness (3N, 3N), N/m, under the loads (N, n) of one axis.
+    """Solver for a stiffness (3N, 3N), N/m, and for its compliance under the loads (N, n) of one axis.
 
     Unknowns are ordered by node, three axes each.
 
     Attributes:
         operations: floating-point operations of `compliance`.
         memory: upper bound of the bytes of `compliance`.
-        factor_entries: of the Cholesky factor of the stiffness in this order.
-        factor_operations: multiplications that compute it.
+        factor_entries: numbers that `factor` keeps.
+        factor_operations: floating-point operations of `factor`.
     """
 
     def __init__(self, stiffness: sparse.csr_matrix, loads: sparse.csr_matrix, points: Array) -> None:
@@ -97,9 +98,10 @@ class MultifrontalSolver:
             self._fronts.append(_Front(begin, end, children, neighbors, np.unique(np.concatenate(loaded))))
         self._threads = dense.threads()
         self._failures: list[BaseException] = []
+        self._kept: dict[int, FactorFront] | None = None  # by the index of the front
         self.operations = float(sum(_operations(*front.sizes) for front in self._fronts))
         sizes = [(3.0 * (front.end - front.begin), 3.0 * len(front.neighbors)) for front in self._fronts]
-        self.factor_entries = sum(s * (s + 1.0) / 2.0 + s * r for s, r in sizes)
+        self.factor_entries = sum(s * (s + r) for s, r in sizes)
         self.factor_operations = sum(s**3 / 3.0 + s * s * r + s * r * r for s, r in sizes)
         self.memory = self._peak_memory(len(self._fronts) - 1, self._threads) + 12.0 * self._stiffness.nnz
 
@@ -109,17 +111,8 @@ class MultifrontalSolver:
         Raises:
             BodyError: the stiffness is not positive definite, or the energy of a trial load is wrong.
         """
-        size = 3 * self._loads.shape[1]
-        forces = np.random.default_rng(0).standard_normal((size, _TRIALS))
-        self._trials: Array = (self._loads @ forces.reshape(-1, 3 * _TRIALS)).reshape(-1, _TRIALS)
-        root = len(self._fronts) - 1
-        self._failures.clear()
-        try:
-            with dense.one_thread():
-                blocks = self._eliminate_children(root, self._threads)
-        except _StoppedError:
-            raise self._failures[0] from None
-        result = self._eliminate(self._fronts[root], blocks)
+        forces = np.random.default_rng(0).standard_normal((3 * self._loads.shape[1], _TRIALS))
+        result = self._eliminate_all((self._loads @ forces.reshape(-1, 3 * _TRIALS)).reshape(-1, _TRIALS))
         compliance = result.compliance
         _mirror(compliance)
         displacements = compliance @ forces.astype(np.float32)
@@ -130,6 +123,31 @@ class MultifrontalSolver:
                 "larger part of the body"
             )
         return compliance.T
+
+    def factor(self) -> Factor:
+        """Return the Cholesky factor of the stiffness.
+
+        Raises:
+            BodyError: the stiffness is not positive definite.
+        """
+        bare = copy(self)
+        bare._loads = self._loads[:, :0]
+        bare._fronts = [front._replace(loads=front.loads[:0]) for front in self._fronts]
+        kept = bare._kept = {}
+        bare._eliminate_all(np.empty((self._stiffness.shape[0], 0)))
+        return Factor(_axes(self._order), [kept[index] for index in range(len(self._fronts))])
+
+    def _eliminate_all(self, trials: Array) -> ContributionBlock:
+        """Eliminate every front, with trial loads (3N, k) in the elimination order."""
+        self._trials = trials
+        root = len(self._fronts) - 1
+        self._failures.clear()
+        try:
+            with dense.one_thread():
+                blocks = self._eliminate_children(root, self._threads)
+        except _StoppedError:
+            raise self._failures[0] from None
+        return self._eliminate(root, blocks)
 
     def _eliminate_children(self, index: int, threads: int) -> list[ContributionBlock]:
         """Eliminate the subtrees below a front, and return the contribution blocks of its children."""
@@ -150,7 +168,7 @@ class MultifrontalSolver:
         if self._failures:
             raise _StoppedError
         try:
-            return self._eliminate(self._fronts[index], blocks)
+            return self._eliminate(index, blocks)
         except BaseException as problem:
             self._failures.append(problem)
             raise
@@ -167,29 +185,32 @@ class MultifrontalSolver:
             [own, *(sum(blocks[:i]) + self._peak_memory(child, threads) for i, child in enumerate(front.children))]
         )
 
-    def _eliminate(self, front: _Front, blocks: list[ContributionBlock]) -> ContributionBlock:
+    def _eliminate(self, index: int, blocks: list[ContributionBlock]) -> ContributionBlock:
         """Return the contribution block of a front; clear the `blocks` of its children to free their memory."""
+        front, trials = self._fronts[index], self._trials.shape[1]
         s, r, m = front.sizes
         pivot = _PivotBlock(
             np.zeros((s, s), order="F"),
             np.zeros((r, s), order="F"),
             np.zeros((m, s), np.float32, order="F"),
-            np.zeros((_TRIALS, s), order="F"),
+            np.zeros((trials, s), order="F"),
         )
         result = ContributionBlock(
             np.zeros((r, r), order="F"),
             np.zeros((m, r), np.float32, order="F"),
             np.zeros((m, m), np.float32, order="F"),
-            np.zeros((_TRIALS, r), order="F"),
-            np.zeros((_TRIALS, _TRIALS), order="F"),
+            np.zeros((trials, r), order="F"),
+            np.zeros((trials, trials), order="F"),
         )
         self._assemble(front, pivot)
-        for index, block in zip(front.children, blocks, strict=True):
-            _extend_add(front, self._fronts[index], block, pivot, result)
+        for child, block in zip(front.children, blocks, strict=True):
+            _extend_add(front, self._fronts[child], block, pivot, result)
         blocks.clear()
         if not dense.potrf(pivot.stiffness):
             raise BodyError(NOT_DEFINITE)
         dense.trsm(pivot.stiffness, pivot.coupling)
+        if self._kept is not None:
+            self._kept[index] = FactorFront(3 * front.begin, _axes(front.neighbors), pivot.stiffness, pivot.coupling)
         dense.trsm(pivot.stiffness, pivot.trial)
         dense.syrk(-1.0, pivot.coupling, result.stiffness)
         result.trial[:] -= pivot.trial @ pivot.coupling.T

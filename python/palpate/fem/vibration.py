@@ -31,8 +31,8 @@ class Modes(NamedTuple):
     residual_shapes: Single  # (3n, r), 1/sqrt(kg)
 
 
-def modes(elements: Elements, count: int) -> Modes:
-    """Return the `count` lowest modes and the residual vectors of the contact loads.
+def modes(elements: Elements, factor: Factor, count: int) -> Modes:
+    """Return the `count` lowest modes and the residual vectors of the contact loads, with the factor of the stiffness.
 
     The method is shift-and-invert at zero (Ericsson & Ruhe 1980), with the consistent mass. The residual vectors span
     the static response to the contact loads and the response to its inertia, K^-1 B and K^-1 M K^-1 B, beyond the
@@ -45,7 +45,6 @@ def modes(elements: Elements, count: int) -> Modes:
     if not 0 < count < len(elements.free) - 1:
         raise BodyError(f"modes: a body of {len(elements.free)} unknowns has fewer than {count} modes; ask for fewer")
     stiffness = elements.stiffness[elements.free][:, elements.free]
-    factor = Factor(stiffness)
     mass = elements.mass[elements.free][:, elements.free]
     inverse_squares, basis, vectors = _largest_eigenpairs(factor.solve, mass, count)
     lowest = basis @ vectors

@@ -21,11 +21,18 @@ def tool_mistake(points: Sequence[Sequence[float]]) -> str:
     """Return what is wrong with the contact points of a tool (k, 3), m; "" if nothing is."""
     if len(points) > MAX_TIPS:
         return f"{len(points)} points; a tool has at most {MAX_TIPS}"
+    if same := same_place(points):
+        return f"points {same[0]} and {same[1]} are in the same place; remove one"
+    return ""
+
+
+def same_place(points: Sequence[Sequence[float]]) -> tuple[int, int] | None:
+    """Return the numbers, from 1 on, of two points (k, 3), m, in the same place; None if there are none."""
     for k, point in enumerate(points):
         for other in range(k):
             if math.dist(point, points[other]) < SAME_PLACE:
-                return f"points {other + 1} and {k + 1} are in the same place; remove one"
-    return ""
+                return other + 1, k + 1
+    return None
 
 
 def closest_tips(

@@ -92,6 +92,14 @@ def test_bad_files_are_refused_with_their_name(tmp_path: Path) -> None:
         (tmp_path / name).write_text("this is not a mesh\n")
         with pytest.raises(MeshError, match=name.replace(".", r"\.")):
             Mesh.load(tmp_path / name, unit="mm")
+    for face, text in (
+        ("1 2 9", r"line 5: a face names vertex 9; the 3 vertices before it count from 1"),
+        ("0 1 2", r"line 5: a face names vertex 0; the 3 vertices before it count from 1"),
+        ("1/1 2/0 x/1", r'line 5: "x/1" is not the number of a vertex'),
+    ):
+        (tmp_path / "face.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3 # 0 is not a vertex\nf {face}\n")
+        with pytest.raises(MeshError, match=text):
+            Mesh.load(tmp_path / "face.obj", unit="mm")
     (tmp_path / "not-finite.obj").write_text("v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(MeshError, match=r"not-finite\.obj: vertices must be finite"):
         Mesh.load(tmp_path / "not-finite.obj", unit="mm")

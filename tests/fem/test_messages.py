@@ -160,6 +160,10 @@ def test_quantities_are_text_or_si(body: Body) -> None:
         (lambda body: parse_selector("z < 5 kPa"), '"z < 5 kPa": "5 kPa" is a pressure'),
         (lambda body: parse_selector("surface surface z < 1 mm"), "is no region; write"),
         (lambda body: parse_selector(3.0), "3.0 is no region; write"),
+        (
+            lambda body: bodies.phantom(spacing="60 mm"),
+            "spacing: 60 mm exceeds the height of the block, 50 mm: use 5 mm",
+        ),
         (lambda body: bodies.phantom(depth="10 cm"), "depth: 100 mm; the nodule lies between.*: from 2 to 35 mm"),
         (
             lambda body: bodies.phantom(diameter="49 mm"),

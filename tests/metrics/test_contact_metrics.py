@@ -189,7 +189,7 @@ def test_a_palpation_is_summed_sample_by_sample(
     for key, value in expected.items():
         assert getattr(found, key) == (value if value is None else pytest.approx(value, rel=1e-9, abs=1e-15)), key
     assert set(asdict(found)) == {
-        *expected, "mesh_error", "over_fixed", "final_tip_forces", "tip_depth", "final_tip_depth",
+        *expected, "mesh_error", "over_fixed", "final_tip_forces", "tip_depth", "final_tip_depth", "softening",
     }  # fmt: skip
     assert found.over_fixed is True
     choice = scenario.get("object", {}).get("body", {})
@@ -242,6 +242,22 @@ def test_the_error_by_the_mesh_is_that_of_a_resolved_sphere(
     assert body_contact._mesh_error(trace, 3, 9) is None
 
 
+@pytest.mark.parametrize(
+    ("choice", "known"),
+    [
+        ({"kind": "signed_distance"}, True),
+        ({"kind": "modal", "contact": "signed_distance"}, True),
+        ({"kind": "signed_distance", "tip": "flat"}, False),
+        ({"kind": "modal"}, False),
+        ({}, False),
+    ],
+)
+def test_a_sphere_by_signed_distance_is_softer_from_half_a_radius_on(choice: dict[str, Any], known: bool) -> None:
+    trace: Any = SimpleNamespace(scenario={"object": {"body": {"radius": "10 mm", **choice}}})
+    assert body_contact._softening(trace, 7e-3) == (pytest.approx(0.195) if known else None)
+    assert body_contact._softening(trace, 5e-3) is None
+
+
 def test_the_work_and_the_path_of_a_contact_are_summed_sample_by_sample() -> None:
     for touching in (contact((0, 17), (60, 75)), contact(), contact((0, 40), (60, 250))):
         trace = random_trace(touching, BODY, 3e-5, **MOVING)
@@ -283,7 +299,8 @@ def test_names_of_a_palpation_end_with_their_unit() -> None:
         "touches", "deepest_m", "deepest_force_N", "stiffness_N_per_m", "nodes", "mesh_error", "path_m",
         "path_stiffness_median_N_per_m", "path_stiffness_max_N_per_m", "work_J", "stored_J", "saved_J", "at_start_J",
         "lost_J", "held_J", "final_deflection_m", "final_force_N", "final_swing_N", "touching_at_end", "unsolved",
-        "contact_lost", "over_fixed", "final_tip_forces_N", "tip_depth_m", "final_tip_depth_m", "settled",
+        "contact_lost", "over_fixed", "final_tip_forces_N", "tip_depth_m", "final_tip_depth_m", "softening",
+        "settled",
     ]  # fmt: skip
     assert list(found.values())[:-1] == list(values.values())
 

@@ -273,37 +273,46 @@ def palpation(**values: Any) -> PalpationMetrics:
         "over_fixed": False,
         "tip_depth": None,
         "final_tip_depth": None,
+        "softening": None,
     }
     return PalpationMetrics(**{**none, "unsolved": 0, "contact_lost": 0, "touching_at_end": True, **values})
 
 
 BEGINS = "presses the body in by 2 mm with 0.5 N"
+UNKNOWN = "; the error of that force by the mesh is not known"
 
 
 @pytest.mark.parametrize(
     ("values", "says"),
     [
-        ({}, f"{BEGINS} (largest force 0.75 N), rests in contact at the end"),
-        ({"deepest_force": 0.7501}, "presses the body in by 2 mm with 0.75 N, rests in contact at the end"),
+        ({}, f"{BEGINS} (largest force 0.75 N), rests in contact at the end{UNKNOWN}"),
+        ({"deepest_force": 0.7501}, f"presses the body in by 2 mm with 0.75 N, rests in contact at the end{UNKNOWN}"),
         (
             {"tip_depth": 3.14e-3},
-            f"{BEGINS} (largest force 0.75 N), its tip 3.14 mm below the surface at rest, rests in contact at the end",
+            f"{BEGINS} (largest force 0.75 N), its tip 3.14 mm below the surface at rest, rests in contact at "
+            f"the end{UNKNOWN}",
         ),
         (
             {"tip_depth": 3e-3, "final_tip_depth": 2.3e-3},
             f"{BEGINS} (largest force 0.75 N), its tip 3 mm below the surface at rest (2.3 mm at the end), rests in "
-            "contact at the end",
+            f"contact at the end{UNKNOWN}",
         ),
         (
             {"tip_depth": 3e-3, "final_tip_depth": 2.5e-3},
-            f"{BEGINS} (largest force 0.75 N), its tip 3 mm below the surface at rest, rests in contact at the end",
+            f"{BEGINS} (largest force 0.75 N), its tip 3 mm below the surface at rest, rests in contact at "
+            f"the end{UNKNOWN}",
         ),
-        ({"final_swing": 0.5}, f"{BEGINS} (largest force 0.75 N), is in contact at the end"),
-        ({"touching_at_end": False}, f"{BEGINS} (largest force 0.75 N), is apart at the end"),
+        ({"final_swing": 0.5}, f"{BEGINS} (largest force 0.75 N), is in contact at the end{UNKNOWN}"),
+        ({"touching_at_end": False}, f"{BEGINS} (largest force 0.75 N), is apart at the end{UNKNOWN}"),
         (
             {"mesh_error": 0.123},
             f"{BEGINS} (largest force 0.75 N), rests in contact at the end; the mesh adds an error of up to 12 % to "
             "that force (9 nodes)",
+        ),
+        (
+            {"mesh_error": 0.12, "softening": 0.25},
+            f"{BEGINS} (largest force 0.75 N), rests in contact at the end; the mesh adds an error of up to 12 % to "
+            "that force (9 nodes); small strains are assumed: at that depth it may be 25 % too small",
         ),
         (
             {"nodes": 3},
@@ -317,14 +326,16 @@ BEGINS = "presses the body in by 2 mm with 0.5 N"
         ),
         (
             {"nodes": 4, "unsolved": 5, "contact_lost": 6},
-            f"{BEGINS} (largest force 0.75 N), rests in contact at the end; the contact force was not found in 5 "
+            f"{BEGINS} (largest force 0.75 N), rests in contact at the end{UNKNOWN}; the contact force was not "
+            "found in 5 "
             "samples: too many nodes lie near the tip, it inverts tetrahedra of a hyperelastic body or moves too far "
             "between its model updates, or the contact has not converged: use a smaller force or tip, or a coarser "
             "mesh; in 6 samples the contact was lost: the tip was pushed through the body",
         ),
         (
             {"contact_lost": 1},
-            f"{BEGINS} (largest force 0.75 N), rests in contact at the end; in 1 sample the contact was lost: the tip "
+            f"{BEGINS} (largest force 0.75 N), rests in contact at the end{UNKNOWN}; in 1 sample the contact "
+            "was lost: the tip "
             "was pushed through the body",
         ),
     ],

@@ -216,7 +216,8 @@ def test_a_tool_is_refused_where_it_has_no_meaning(block: Path) -> None:
         (lambda: body.with_contact_points(TOOL), BodyError, "signed distance"),
         (lambda: sharp.with_contact_points(np.zeros((2, 3))), BodyError, "points 1 and 2 are in the same place"),
         (lambda: sharp.with_contact_points(np.eye(9)[:, :3]), BodyError, "9 points; a tool has at most 8"),
-        (lambda: sharp.with_contact_points([1.0, 2.0, 3.0]), PoseError, r"\(k, 3\)"),
+        (lambda: sharp.with_contact_points([1.0, 2.0, 3.0]), PoseError, r"write one point as \[\[x, y, z\]\]"),
+        (lambda: sharp.with_contact_points(np.zeros((2, 2))), PoseError, r"\(k, 3\)"),
     ):
         with pytest.raises(error, match=text):
             refused()

@@ -50,6 +50,16 @@ def deep(block: Path, **body: Any) -> dict[str, Any]:
     return tables(block, 1.8, 8.3e-3, "0.6 s", **body)
 
 
+def test_a_tip_that_starts_deep_inside_is_undecided_for_want_of_a_force(block: Path) -> None:
+    trace = simulate(tables(block, 1.0, 0.0, "0.1 s", radius="18 mm"))
+    assert not trace["touching"].any()
+    assert not trace["solved"].any()
+    assert trace.verdict.state is State.UNDECIDED
+    text = summarize(trace)["verdict"]
+    assert "the contact force was not found in 101 of 101 samples" in text
+    assert "it began 18 mm deep in the body; check object.position" in text
+
+
 @pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
 def test_a_small_press_in_the_loop_is_near_that_of_the_condensed_body(block: Path, law: str) -> None:
     """Some hundredths of a millimetre deep, where a condensed body of quadratic elements on the same cells is right."""

@@ -160,11 +160,15 @@ def test_devices_that_cannot_share_a_body_are_refused(block: Path) -> None:
         ([own, device(block, 28.0, tip="flat")], "takes spheres"),
         ([own, device(block, 28.0, contact_points=[["0 mm"] * 3, ["9 mm"] * 3])], "each device has one tip"),
         ([own, {**two, "servo": {"period": "1 ms", "jitter": "0.1 ms"}}], "sampled together"),
-        ([own, two, own], "points 1 and 3 are in the same place"),
+        ([own, two, own], "tips 1 and 3 start in the same place of the body: move one of them"),
     ]
     for scenarios, text in cases:
         with pytest.raises(ScenarioError, match=text):
             simulate_together(scenarios)
+    for value in (None, 3, "one.toml", own):
+        for call in (simulate_together, joint_stability):
+            with pytest.raises(ScenarioError, match="scenarios: a list with one scenario for each device is needed"):
+                call(value)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("settled", [(True, True), (True, False), (False, False)])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
+import re
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
@@ -22,6 +24,7 @@ from palpate.units import parse_quantity
 
 _FORMATS: Final = ("stl", "obj", "ply", "off", "glb")
 _LARGEST: Final = 2_000_000_000  # bytes
+_ZERO: Final = re.compile(rb"^f\b[^#\n]*\s0+(?=[/\s]|$)", re.MULTILINE)  # in a face of an OBJ file
 _QUIET: Final = logging.NullHandler()  # trimesh logs the tracebacks of a broken file, to the terminal by default
 
 
@@ -263,7 +266,28 @@ def _read(name: str | Path) -> tuple[Any, Any]:
     except ImportError as problem:  # a reader guesses the encoding of bytes that are no text
         raise MeshError(f"{path}: not a readable {kind} file: truncated or damaged; export it again") from problem
     except Exception as problem:  # readers raise any exception
+        if kind == "obj" and (mistake := _face_mistake(path)):
+            raise MeshError(f"{path}: {mistake}") from problem
         raise MeshError(f"{path}: not a readable {kind} file ({shorten(str(problem), 200)})") from problem
     if len(faces) == 0:
         raise MeshError(f"{path}: the file has no triangles that can be read: it is empty, truncated or not a mesh")
+    if kind == "obj" and _ZERO.search(data.getvalue()):  # trimesh takes the number 0 for the last vertex
+        raise MeshError(f"{path}: {_face_mistake(path)}")
     return vertices, faces
+
+
+def _face_mistake(path: Path) -> str:
+    """Return the first face of an OBJ file that names a vertex which the file does not have; "" without any."""
+    vertices = 0
+    for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+        word, *corners = line.split() or [""]
+        vertices += word == "v"
+        if word != "f":
+            continue
+        for corner in itertools.takewhile(lambda text: not text.startswith("#"), corners):
+            index = corner.split("/")[0]
+            if not index.lstrip("-").isdigit():
+                return f'line {number}: "{corner}" is not the number of a vertex'
+            if int(index) == 0 or abs(int(index)) > vertices:
+                return f"line {number}: a face names vertex {index}; the {vertices} vertices before it count from 1"
+    return ""

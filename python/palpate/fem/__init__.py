@@ -3,7 +3,7 @@
 from palpate.fem.body import Body
 from palpate.fem.boundary_build import build_boundary
 from palpate.fem.builder import build
-from palpate.fem.contact_accuracy import force_error, spacing_for
+from palpate.fem.contact_accuracy import force_error, softening, spacing_for
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.hyperelastic import HyperelasticModel, Strain
 from palpate.fem.indentation import ContactHistory, Indentation
@@ -48,6 +48,7 @@ __all__ = [
     "parse_selector",
     "phantom",
     "read_volume",
+    "softening",
     "spacing_for",
     "sphere",
 ]

@@ -149,6 +149,8 @@ def contact_points(values: ArrayLike) -> tuple[tuple[float, ...], ...]:
     points = lengths(values, "contact_points")
     if points.size == 0:
         return ()
+    if points.shape == (3,):
+        raise PoseError("contact_points: a list of points is needed: write one point as [[x, y, z]]")
     if points.ndim != 2 or points.shape[1] != 3:
         raise PoseError(f"contact_points: a tool has points (k, 3) in m; these have shape {points.shape}")
     check_finite(points, "contact_points")

@@ -28,7 +28,7 @@ from palpate.fem.checks import (
     row_of,
 )
 from palpate.fem.condensed_body import CondensedBody
-from palpate.fem.contact_accuracy import force_error, unresolved
+from palpate.fem.contact_accuracy import force_error, softening, unresolved
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 
@@ -131,6 +131,13 @@ class IndentableBody(CondensedBody):
             if self.overlaps_fixed(center[None], size, None if tip == "sphere" else normal)[0]:
                 warnings.warn(f"the tip {OVERLAPS_FIXED}", BodyWarning, stacklevel=2)
             check_resolved(force, normal, nodes, error, small)
+            if self.kind.by_distance and tip == "sphere" and (softer := softening(deep, size)) is not None:
+                warnings.warn(
+                    f"depth: at {deep / size:.2g} radii contact by signed distance may be {100 * softer:.0f} % too "
+                    "soft, because it assumes small strains: use a larger tip, or hyperelastic",
+                    BodyWarning,
+                    stacklevel=2,
+                )
         return Indentation(force, self.displacement(), nodes, error)
 
     def _force_error(self, nodes: int) -> float | None:

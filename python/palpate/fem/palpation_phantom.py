@@ -54,10 +54,13 @@ def phantom(
     layer = not_negative(layer_thickness, "m", "layer_thickness")
     deep, width = length(depth, "depth"), positive(diameter, "m", "diameter")
     _check_nodule(layer, deep, width)
+    edge = positive(spacing, "m", "spacing")
+    if edge > _HEIGHT:
+        raise BodyError(f"spacing: {1e3 * edge:g} mm exceeds the height of the block, {1e3 * _HEIGHT:g} mm: use 5 mm")
     center = (_SIDE / 2, _SIDE / 2, _HEIGHT - deep - width / 2)
     nodule = [] if ratio == 1.0 else [Region(sphere(center, width / 2), ratio * stiffness)]
     return build(
-        block((_SIDE, _SIDE, _HEIGHT), spacing, layers=(layer,) if layer > 0 else ()),
+        block((_SIDE, _SIDE, _HEIGHT), edge, layers=(layer,) if layer > 0 else ()),
         young=stiffness,
         poisson=poisson,
         regions=nodule,

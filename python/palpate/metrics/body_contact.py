@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.arrays import Array
 from palpate.checks import MAX_TIPS
-from palpate.fem import force_error
+from palpate.fem import force_error, softening
 from palpate.metrics.mesh_contact import LAST
 from palpate.scenario.tool_motion import ToolMotion
 from palpate.simulation.bodies import overlaps_fixed, resolves_tip, tip_depths
@@ -53,6 +53,8 @@ class PalpationMetrics:
         mesh_error: relative error of that force by the mesh (`palpate.fem.force_error`) for a sphere on the kinds
             "compliance", "viscoelastic", "modal" and "signed_distance" of quadratic elements, at least as large as the
             distance of the nodes; None otherwise.
+        softening: by how much that force may be too small, as the model assumes small strains, relative
+            (`palpate.fem.softening`), for a sphere deeper than half its radius by signed distance; None otherwise.
         path: length of the tip path in contact.
         path_stiffness_median, path_stiffness_max: force over deflection along the path, N/m (`stiffness_along_path`);
             None for a path under 10 mm.
@@ -105,6 +107,7 @@ class PalpationMetrics:
     final_tip_forces: tuple[float, ...] = ()
     tip_depth: float | None = None
     final_tip_depth: float | None = None
+    softening: float | None = None
 
     @property
     def settled(self) -> bool:
@@ -184,6 +187,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         ),
         tip_depth=None if below is None else float(below[at]),
         final_tip_depth=None if below is None else float(np.mean(below[last])),
+        softening=None if below is None else _softening(trace, float(below[at])),
     )
 
 
@@ -202,6 +206,14 @@ def _mesh_error(trace: Trace, row: int, nodes: int) -> float | None:
     if not resolves_tip(trace, row):
         return None
     return force_error(nodes, signed_distance="signed_distance" in (kind, choice.get("contact")))
+
+
+def _softening(trace: Trace, depth: float) -> float | None:
+    """Return by how much the force at a depth, m, may be too small, relative; None if it is not known."""
+    choice = trace.scenario.get("object", {}).get("body") or {}
+    if choice.get("tip", "sphere") != "sphere" or "signed_distance" not in (choice.get("kind"), choice.get("contact")):
+        return None
+    return softening(depth, parse_quantity(choice["radius"], "m"))
 
 
 def work_so_far(trace: Trace) -> Array:

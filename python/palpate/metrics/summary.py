@@ -234,7 +234,8 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     found = palpation_metrics(trace)
     summary["palpation"] = None if found is None else found.to_dict()
     if found is None and trace.completed and "contact_nodes" in trace:
-        return [f"the tip {OVERLAPS_FIXED}"] if overlaps_fixed(trace, some_samples(trace)) else []
+        over = [f"the tip {OVERLAPS_FIXED}"] if overlaps_fixed(trace, some_samples(trace)) else []
+        return [*over, *_began(_initial_depth(trace), "body")]
     if found is None or not trace.completed:
         return []
     at_depth, largest = f"{found.deepest_force:.3g} N", f"{summary['peak_object_force_N']:.3g} N"
@@ -254,6 +255,10 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         text += f", its tips with {', '.join(f'{force:.3g}' for force in found.final_tip_forces)} N"
     if found.mesh_error is not None:
         text += f"; the mesh adds an error of up to {100 * found.mesh_error:.0f} % to that force ({found.nodes} nodes)"
+    elif found.nodes >= FEW:
+        text += "; the error of that force by the mesh is not known"
+    if found.softening is not None:
+        text += f"; small strains are assumed: at that depth it may be {100 * found.softening:.0f} % too small"
     if found.nodes < FEW:
         few = "1 node carries" if found.nodes == 1 else f"{found.nodes} nodes carry"
         text += f"; only {few} that force: take a finer mesh or a larger tip"
@@ -268,12 +273,10 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
 
 def _initial_depth(trace: Trace) -> float:
     """Return how far a body is pressed in at the first sample, m, or how deep the tip is if its force was not found."""
-    if not trace["touching"][0, 0]:
-        return 0.0
     unsolved = "solved" in trace and not trace["solved"][0, 0]
     if unsolved and (below := tip_depths(trace)) is not None:
         return float(below[0])
-    return float(np.linalg.norm(trace["deflection"][0]))
+    return float(np.linalg.norm(trace["deflection"][0])) if trace["touching"][0, 0] else 0.0
 
 
 def _samples(count: int) -> str:

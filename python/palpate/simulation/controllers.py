@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -18,7 +18,7 @@ from palpate.control.lead_lag_design import lead_lag
 from palpate.control.lqg_design import lqg
 from palpate.control.workspace_controller import WorkspaceController, workspace
 from palpate.devices import Device
-from palpate.errors import DesignError
+from palpate.errors import DesignError, ScenarioError
 from palpate.linear.discretization import rendering_plant
 from palpate.scenario import ControllerChoice, Scenario
 
@@ -144,6 +144,13 @@ def read_scenario(scenario: Scenario | Mapping[str, Any] | str | Path, controlle
     if not isinstance(scenario, Scenario):
         scenario = Scenario.from_dict(scenario) if isinstance(scenario, Mapping) else Scenario.from_file(scenario)
     return scenario if controller is None else with_controller(scenario, controller)
+
+
+def read_scenarios(scenarios: Sequence[Scenario | Mapping[str, Any] | str | Path]) -> list[Scenario]:
+    """Return the scenarios of several devices from any form. Raise ScenarioError if one has a mistake."""
+    if isinstance(scenarios, (Scenario, Mapping, str, Path)) or not isinstance(scenarios, Sequence):
+        raise ScenarioError(f"scenarios: a list with one scenario for each device is needed, not {scenarios!r:.80}")
+    return [read_scenario(scenario) for scenario in scenarios]
 
 
 def written_out(scenario: Scenario) -> Scenario:

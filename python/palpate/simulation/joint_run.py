@@ -12,7 +12,7 @@ import numpy as np
 from palpate.arrays import Array, Flags
 from palpate.fem.indentation import LOST, SOLVED, ContactHistory
 from palpate.scenario import Scenario
-from palpate.simulation.controllers import read_scenario
+from palpate.simulation.controllers import read_scenarios
 from palpate.simulation.evidence import resolution
 from palpate.simulation.loop import Loop
 from palpate.simulation.shared_body import SharedBody
@@ -85,7 +85,7 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
     Raises:
         ScenarioError: as `SharedBody` and `palpate.simulate`.
     """
-    loaded = [read_scenario(scenario) for scenario in scenarios]
+    loaded = read_scenarios(scenarios)
     shared = SharedBody(loaded)
     objects = [_Presented() for _ in loaded]
     loops = [Loop(scenario, object=own) for scenario, own in zip(loaded, objects, strict=True)]

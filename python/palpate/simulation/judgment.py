@@ -167,7 +167,8 @@ def _explained(
     """Return the verdict with its reason."""
     time = trace.time
     lacking = _without_force(trace) or _without_force(trace, window.ending)
-    if state in (State.SETTLED, State.UNDECIDED) and lacking is not None:
+    never = state is State.CONTACT_LOST and not trace["touching"].any() and pushed_through(trace) is None
+    if lacking is not None and (never or state in (State.SETTLED, State.UNDECIDED)):
         return Verdict(State.UNDECIDED, lacking, linear=_text(linear))
     last_fifth = time[window.ending]
     axis, amplitude, frequency = _oscillation(last_fifth, held_tip(trace)[window.ending])

@@ -104,6 +104,8 @@ def contact_stability(trace: Trace, row: int = -1, *, controller: Any = None) ->
         StabilityError: the scenario has no body, the tip is not in contact at that sample, or the body's response to a
             displacement of the tip does not decay.
     """
+    if not isinstance(trace, Trace):
+        raise StabilityError(f"contact_stability takes the trace of a run, as simulate returns it, not {trace!r:.80}")
     scenario = Scenario.from_dict(trace.scenario)
     if scenario.object.body is None:
         raise StabilityError("contact_stability needs a scenario with a body; use certify for springs and walls")

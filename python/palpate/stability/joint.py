@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 from palpate.arrays import Array
 from palpate.scenario import Scenario
 from palpate.simulation.body_response import HeldTips, body_response
-from palpate.simulation.controllers import read_scenario
+from palpate.simulation.controllers import read_scenarios
 from palpate.simulation.joint_run import JointRun, simulate_together
 from palpate.simulation.linear_loop import ScenarioLoop, require_linear_parts
 from palpate.simulation.shared_body import SharedBody
@@ -106,7 +106,7 @@ def joint_stability(
         StabilityError: a tip is off the body at the end of the run, a device has a part without a linear model, or the
             body's response does not decay.
     """
-    loaded = [_every_tick(read_scenario(scenario)) for scenario in scenarios]
+    loaded = [_every_tick(scenario) for scenario in read_scenarios(scenarios)]
     for scenario in loaded:
         require_linear_parts(scenario)
     recorded = run is not None and all(len(trace) == len(run.contacts[0].nodes) for trace in run.traces)

@@ -36,13 +36,13 @@ def test_more_nodes_have_a_smaller_error_and_signed_distance_a_smaller_one() -> 
 
 def test_a_deep_sphere_by_signed_distance_is_softer_than_a_neo_hookean_body_as_stated() -> None:
     solid = bodies.build(block((0.05, 0.05, 0.03), 0.005), young="10 kPa", fixed="z < 0.1 mm", touch="z > 29.9 mm")
-    assert softening(3e-3, 6e-3) is None
-    stated = [softening(depth, 8e-3) for depth in (5e-3, 6e-3, 7e-3, 8e-3, 9e-3)]
+    assert softening(2.4e-3, 6e-3) is None
+    stated = [softening(depth, 8e-3) for depth in (4e-3, 6e-3, 7e-3, 8e-3, 9e-3)]
     assert stated == sorted(stated, key=lambda value: value or 0.0)
     assert stated[-1] == stated[-2]
     place = [0.025, 0.025, 0.03]
     truth = solid.hyperelastic("1 ms").indent(place, 8e-3, 6.4e-3).force[2]
-    with pytest.warns(BodyWarning, match=r"depth: at 0.8 radii contact by signed distance may be 25 % too soft"):
+    with pytest.warns(BodyWarning, match=r"depth: at 0.8 radii contact by signed distance may be up to 44 % too soft"):
         softer = solid.signed_distance().indent(place, 8e-3, 6.4e-3).force[2] / truth - 1.0
     assert -(softening(6.4e-3, 8e-3) or 0.0) < softer < -0.1
 

@@ -312,7 +312,7 @@ UNKNOWN = "; the error of that force by the mesh is not known"
         (
             {"mesh_error": 0.12, "softening": 0.25},
             f"{BEGINS} (largest force 0.75 N), rests in contact at the end; the mesh adds an error of up to 12 % to "
-            "that force (9 nodes); small strains are assumed: at that depth it may be 25 % too small",
+            "that force (9 nodes); small strains are assumed: at that depth it may be up to 25 % too small",
         ),
         (
             {"nodes": 3},

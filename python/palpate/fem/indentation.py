@@ -84,7 +84,7 @@ class IndentableBody(CondensedBody):
         `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
         Fewer than four nodes in contact, a tip smaller than the distance of the nodes, a tip that overlaps a fixed or
         held part of the surface, and a point farther from the surface than the radius cause a warning. So does, by
-        signed distance, a force that falls with the depth.
+        signed distance, a force that falls with the depth, or a sphere deeper than 0.4 of its radius (`softening`).
 
         Args:
             point: (3,), m or text such as "5 mm".
@@ -94,7 +94,7 @@ class IndentableBody(CondensedBody):
 
         Returns:
             The force on the tip (3,), N, the displacement of the contact nodes (n, 3), m, at equilibrium, the number of
-            nodes in contact, and the error of a sphere's force by the mesh (None if unknown).
+            nodes in contact, and the error of a sphere's force by the mesh alone (None if unknown).
 
         Raises:
             PoseError: the point is not three finite numbers.
@@ -133,8 +133,8 @@ class IndentableBody(CondensedBody):
             check_resolved(force, normal, nodes, error, small)
             if self.kind.by_distance and tip == "sphere" and (softer := softening(deep, size)) is not None:
                 warnings.warn(
-                    f"depth: at {deep / size:.2g} radii contact by signed distance may be {100 * softer:.0f} % too "
-                    "soft, because it assumes small strains: use a larger tip, or hyperelastic",
+                    f"depth: at {deep / size:.2g} radii contact by signed distance may be up to {100 * softer:.0f} % "
+                    "too soft, because it assumes small strains: use a larger tip, or hyperelastic",
                     BodyWarning,
                     stacklevel=2,
                 )

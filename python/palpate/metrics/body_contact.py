@@ -54,7 +54,7 @@ class PalpationMetrics:
             "compliance", "viscoelastic", "modal" and "signed_distance" of quadratic elements, at least as large as the
             distance of the nodes; None otherwise.
         softening: by how much that force may be too small, as the model assumes small strains, relative
-            (`palpate.fem.softening`), for a sphere deeper than half its radius by signed distance; None otherwise.
+            (`palpate.fem.softening`), for a sphere deeper than 0.4 of its radius by signed distance; None otherwise.
         path: length of the tip path in contact.
         path_stiffness_median, path_stiffness_max: force over deflection along the path, N/m (`stiffness_along_path`);
             None for a path under 10 mm.

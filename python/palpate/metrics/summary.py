@@ -258,7 +258,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     elif found.nodes >= FEW:
         text += "; the error of that force by the mesh is not known"
     if found.softening is not None:
-        text += f"; small strains are assumed: at that depth it may be {100 * found.softening:.0f} % too small"
+        text += f"; small strains are assumed: at that depth it may be up to {100 * found.softening:.0f} % too small"
     if found.nodes < FEW:
         few = "1 node carries" if found.nodes == 1 else f"{found.nodes} nodes carry"
         text += f"; only {few} that force: take a finer mesh or a larger tip"

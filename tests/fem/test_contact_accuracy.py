@@ -34,9 +34,11 @@ def test_more_nodes_have_a_smaller_error_and_signed_distance_a_smaller_one() -> 
     assert all(force_error(n, signed_distance=True) < force_error(n, signed_distance=False) for n in range(1, 60))
 
 
-def test_a_deep_sphere_by_signed_distance_is_softer_than_a_neo_hookean_body_as_stated() -> None:
+def test_a_deep_tip_by_signed_distance_is_softer_than_a_neo_hookean_body_as_stated() -> None:
     solid = bodies.build(block((0.05, 0.05, 0.03), 0.005), young="10 kPa", fixed="z < 0.1 mm", touch="z > 29.9 mm")
     assert softening(2.4e-3, 6e-3) is None
+    assert softening(1.2e-3, 6e-3, "flat") is None
+    assert softening(2.4e-3, 6e-3, "flat") == pytest.approx(0.18)
     stated = [softening(depth, 8e-3) for depth in (4e-3, 6e-3, 7e-3, 8e-3, 9e-3)]
     assert stated == sorted(stated, key=lambda value: value or 0.0)
     assert stated[-1] == stated[-2]
@@ -45,6 +47,10 @@ def test_a_deep_sphere_by_signed_distance_is_softer_than_a_neo_hookean_body_as_s
     with pytest.warns(BodyWarning, match=r"depth: at 0.8 radii contact by signed distance may be up to 44 % too soft"):
         softer = solid.signed_distance().indent(place, 8e-3, 6.4e-3).force[2] / truth - 1.0
     assert -(softening(6.4e-3, 8e-3) or 0.0) < softer < -0.1
+    truth = solid.hyperelastic("1 ms").indent(place, 8e-3, 4e-3, tip="flat").force[2]
+    with pytest.warns(BodyWarning, match=r"depth: at 0.5 radii contact by signed distance may be up to 22 % too soft"):
+        softer = solid.signed_distance().indent(place, 8e-3, 4e-3, tip="flat").force[2] / truth - 1.0
+    assert -(softening(4e-3, 8e-3, "flat") or 0.0) < softer < 0.0
 
 
 def test_the_spacing_grows_with_the_contact_radius_and_the_allowed_error() -> None:

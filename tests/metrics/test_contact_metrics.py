@@ -247,15 +247,17 @@ def test_the_error_by_the_mesh_is_that_of_a_resolved_sphere(
     [
         ({"kind": "signed_distance"}, True),
         ({"kind": "modal", "contact": "signed_distance"}, True),
-        ({"kind": "signed_distance", "tip": "flat"}, False),
+        ({"kind": "signed_distance", "tip": "flat"}, True),
         ({"kind": "modal"}, False),
         ({}, False),
     ],
 )
-def test_a_sphere_by_signed_distance_is_too_soft_when_deep(choice: dict[str, Any], known: bool) -> None:
+def test_a_tip_by_signed_distance_is_too_soft_when_deep(choice: dict[str, Any], known: bool) -> None:
     trace: Any = SimpleNamespace(scenario={"object": {"body": {"radius": "10 mm", **choice}}})
-    assert body_contact._softening(trace, 7e-3) == (pytest.approx(0.365) if known else None)
-    assert body_contact._softening(trace, 4e-3) is None
+    assert body_contact._softening(trace, 7e-3) == (
+        pytest.approx(0.39 if choice.get("tip") == "flat" else 0.365) if known else None
+    )
+    assert body_contact._softening(trace, 2e-3) is None
 
 
 def test_the_work_and_the_path_of_a_contact_are_summed_sample_by_sample() -> None:

@@ -10,8 +10,8 @@ or none: of 200 random presses into each of three meshes, up to half exceeded it
 within 20 % from 0.8 of the distance on; below 0.6 their force is between zero and 1.8 times that of a punch.
 
 `softening` was measured against a neo-Hookean body of the same cells, of 3 and 4 mm, with spheres of 6 to 10 mm: blocks
-of 60 x 60 mm, 12 and 30 mm thick, that cylinder, and a bumpy ellipsoid of 36 x 30 x 21 mm. It is the largest of them
-all, that of a sphere of 8 mm on the block of 12 mm.
+of 60 x 60 mm, 12 and 30 mm thick, that cylinder, and a bumpy ellipsoid of 36 x 30 x 21 mm; with flat ends of 6 and 8 mm
+on the thin block and the cylinder. It is the largest of them all, that of a tip of 8 mm on the block of 12 mm.
 """
 
 from __future__ import annotations
@@ -33,8 +33,10 @@ _BY_NODES: Final[dict[bool, tuple[tuple[int, ...], tuple[float, ...]]]] = {
 _RATIOS: Final = (0.38, 0.5, 0.65, 0.75, 0.92, 1.2, 1.5)
 _BY_RATIO: Final = (0.33, 0.20, 0.15, 0.11, 0.09, 0.056, 0.04)
 # Depth over radius, and by how much contact by signed distance was softer than a neo-Hookean body at most.
-_DEPTHS: Final = (0.4, 0.5, 0.6, 0.8, 1.0)
-_SOFTER: Final = (0.14, 0.22, 0.29, 0.44, 0.60)
+_SOFTER: Final = {
+    "sphere": ((0.4, 0.5, 0.6, 0.8, 1.0), (0.14, 0.22, 0.29, 0.44, 0.60)),
+    "flat": ((0.2, 0.4, 0.5, 0.6, 0.8, 1.0), (0.16, 0.18, 0.22, 0.30, 0.48, 0.60)),
+}
 _NODE_DISTANCE: Final = 0.672  # median distance of contact nodes over the spacing of the same meshes
 _DEPTH: Final = 0.25  # default depth of a press over the radius of the tip
 _SMALLEST: Final = {"sphere": 1.0, "flat": 0.7}  # radius over the distance of the nodes below which it is not resolved
@@ -54,15 +56,16 @@ def force_error(nodes: int, *, signed_distance: bool) -> float | None:
     return errors[int(np.searchsorted(counts, nodes, side="right")) - 1]
 
 
-def softening(depth: float, radius: float) -> float | None:
-    """Return by how much a sphere's force by signed distance may be too small, as it assumes small strains, relative.
+def softening(depth: float, radius: float, tip: TipShape = "sphere") -> float | None:
+    """Return by how much a tip's force by signed distance may be too small, as it assumes small strains, relative.
 
     Args:
-        depth: of the sphere, m; None is returned up to 0.4 radii, where the mesh may have the larger error.
-        radius: of the sphere, m.
+        depth: of the tip, m; None is returned up to 0.4 radii of a sphere and 0.2 of a flat end.
+        radius: of the tip, m.
+        tip: "sphere" or "flat".
     """
-    ratio = depth / radius
-    return float(np.interp(ratio, _DEPTHS, _SOFTER)) if ratio > _DEPTHS[0] * (1.0 + 1e-6) else None
+    ratio, (depths, softer) = depth / radius, _SOFTER[tip]
+    return float(np.interp(ratio, depths, softer)) if ratio > depths[0] * (1.0 + 1e-6) else None
 
 
 def node_distance(nodes: Array, point: Array) -> float:

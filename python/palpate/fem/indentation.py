@@ -84,7 +84,7 @@ class IndentableBody(CondensedBody):
         `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
         Fewer than four nodes in contact, a tip smaller than the distance of the nodes, a tip that overlaps a fixed or
         held part of the surface, and a point farther from the surface than the radius cause a warning. So does, by
-        signed distance, a force that falls with the depth, or a sphere deeper than 0.4 of its radius (`softening`).
+        signed distance, a force that falls with the depth, or a deep tip (`softening`).
 
         Args:
             point: (3,), m or text such as "5 mm".
@@ -131,7 +131,7 @@ class IndentableBody(CondensedBody):
             if self.overlaps_fixed(center[None], size, None if tip == "sphere" else normal)[0]:
                 warnings.warn(f"the tip {OVERLAPS_FIXED}", BodyWarning, stacklevel=2)
             check_resolved(force, normal, nodes, error, small)
-            if self.kind.by_distance and tip == "sphere" and (softer := softening(deep, size)) is not None:
+            if self.kind.by_distance and (softer := softening(deep, size, tip)) is not None:
                 warnings.warn(
                     f"depth: at {deep / size:.2g} radii contact by signed distance may be up to {100 * softer:.0f} % "
                     "too soft, because it assumes small strains: use a larger tip, or hyperelastic",

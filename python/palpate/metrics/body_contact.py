@@ -54,7 +54,7 @@ class PalpationMetrics:
             "compliance", "viscoelastic", "modal" and "signed_distance" of quadratic elements, at least as large as the
             distance of the nodes; None otherwise.
         softening: by how much that force may be too small, as the model assumes small strains, relative
-            (`palpate.fem.softening`), for a sphere deeper than 0.4 of its radius by signed distance; None otherwise.
+            (`palpate.fem.softening`), for a deep tip by signed distance; None otherwise.
         path: length of the tip path in contact.
         path_stiffness_median, path_stiffness_max: force over deflection along the path, N/m (`stiffness_along_path`);
             None for a path under 10 mm.
@@ -211,9 +211,9 @@ def _mesh_error(trace: Trace, row: int, nodes: int) -> float | None:
 def _softening(trace: Trace, depth: float) -> float | None:
     """Return by how much the force at a depth, m, may be too small, relative; None if it is not known."""
     choice = trace.scenario.get("object", {}).get("body") or {}
-    if choice.get("tip", "sphere") != "sphere" or "signed_distance" not in (choice.get("kind"), choice.get("contact")):
+    if "signed_distance" not in (choice.get("kind"), choice.get("contact")):
         return None
-    return softening(depth, parse_quantity(choice["radius"], "m"))
+    return softening(depth, parse_quantity(choice["radius"], "m"), choice.get("tip", "sphere"))
 
 
 def work_so_far(trace: Trace) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from palpate import fem as bodies
 from palpate.errors import PoseError
-from palpate.fem import Body, BodyError, block
+from palpate.fem import Body, BodyError, BodyWarning, block
 from palpate.fem.checks import TipShape
 
 TOP = 0.02
@@ -34,6 +34,16 @@ def test_forces_and_displacements_keep_the_contact_conditions(body: Body) -> Non
     load[nodes] = -forces[:, None] * body.normals[nodes]
     expected = (body.compliance.astype(float) @ load.ravel()).reshape(-1, 3)
     assert felt.displacement == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
+def test_a_flat_end_smaller_than_a_patch_at_its_middle_has_the_normal_force_beside_it(body: Body) -> None:
+    """Exactly over a node the end has no direction to the node, whose force was not a number."""
+    node = body.nodes[np.argmin(np.linalg.norm(body.nodes - body.nodes.mean(axis=0), axis=1))]
+    for kind in (body, body.with_friction(0.3), body.viscoelastic("1 ms", instantaneous_ratio=2, retardation_time=0.1)):
+        with pytest.warns(BodyWarning):
+            at, beside = (kind.indent(node + step, 1e-3, 2e-4, tip="flat") for step in (np.zeros(3), [1e-7, 0.0, 0.0]))
+        assert at.nodes == beside.nodes == 1
+        assert at.force == pytest.approx([0.0, 0.0, beside.force[2]], rel=1e-3, abs=1e-9)
 
 
 def test_a_flat_end_stiffens_in_proportion_to_youngs_modulus_and_not_with_depth(body: Body) -> None:

@@ -294,8 +294,8 @@ UNKNOWN = "; the error of that force by the mesh is not known"
         ),
         (
             {"tip_depth": 3e-3, "final_tip_depth": 2.3e-3},
-            f"{BEGINS} (largest force 0.75 N), its tip 3 mm below the surface at rest (2.3 mm at the end), rests in "
-            f"contact at the end{UNKNOWN}",
+            f"{BEGINS} (largest force 0.75 N), its tip 3 mm below the surface at rest (2.3 mm and 0 N at the end), "
+            f"rests in contact at the end{UNKNOWN}",
         ),
         (
             {"tip_depth": 3e-3, "final_tip_depth": 2.5e-3},

@@ -19,6 +19,7 @@ from palpate.simulation.bodies import cache_path, scenario_body, tip_depths
 from palpate.simulation.evidence import evidence
 from palpate.simulation.simulator import build_simulation
 from palpate.simulation.trace import Trace
+from palpate.simulation.verdict import State
 from palpate.simulation.windows import Window
 from scipy.spatial.transform import Rotation
 
@@ -260,6 +261,24 @@ def test_the_summary_says_how_the_press_ended(block: Path) -> None:
     assert "it began 2 mm deep in the body" in summarize(simulate(deep))["verdict"]
     far = {**tables(on(block)), "object": {"kind": "body", "position": ["0 mm", "0 mm", "-90 mm"], "body": on(block)}}
     assert "never touches the object" in summarize(simulate(far))["verdict"]
+
+
+def test_a_flat_end_that_sinks_deeper_than_its_radius_by_signed_distance_has_not_settled(block: Path) -> None:
+    """Its force falls from 1.5 to 0.2 N on the way, and the arm alone holds it. The compliance has half the depth."""
+    verdicts = {}
+    for kind in ("signed_distance", "compliance"):
+        press = tables(
+            on(block, kind=kind),
+            servo={"period": "1 ms", "topology": "impedance_display"},
+            operator={**HAND, "shape": "ramp", "rise": "0.2 s", "force": ["0 N", "0 N", "-4 N"]},
+            object={"kind": "body", "position": ["0 mm"] * 3, "body": on(block, kind=kind)},
+            run={"duration": "1 s"},
+        )
+        del press["reference"]
+        verdicts[kind] = simulate(press).verdict
+    assert verdicts["compliance"].state is State.SETTLED
+    assert verdicts["signed_distance"].state is State.UNDECIDED
+    assert "mm deep, more than its radius of 8 mm" in verdicts["signed_distance"].reason
 
 
 def test_the_error_by_the_mesh_is_known_for_resolved_tips_on_quadratic_elements(block: Path, tmp_path: Path) -> None:

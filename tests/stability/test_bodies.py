@@ -217,6 +217,40 @@ def test_a_wrong_object_is_refused() -> None:
         contact_stability(simulate(Scenario.from_dict(wall)))
 
 
+@pytest.mark.parametrize(("time", "known"), [("0.1 s", True), ("0.5 s", True), ("2 s", False), ("5 s", False)])
+def test_the_static_stiffness_of_a_relaxing_body_does_not_depend_on_its_time_or_is_refused(
+    time: str, known: bool, tmp_path: Path
+) -> None:
+    """By signed distance each displacement leaves a constant, whose sum over a slow response was half its stiffness."""
+    path = tmp_path / "block.h5"
+    fem.build(fem.block((0.04, 0.04, 0.02), 0.004), young=10e3, fixed="z < 0.1 mm", touch="z > 19.9 mm", output=path)
+    relaxing = {"kind": "viscoelastic", "contact": "signed_distance", "instantaneous_ratio": 2.5}
+    trace = simulate({
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {
+            "kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m",
+            "shape": "ramp", "rise": "0.2 s", "force": ["0 N", "0 N", "-1 N"],
+        },
+        "object": {
+            "kind": "body", "position": ["0 mm", "0 mm", "-8 mm"],
+            "body": {
+                "file": str(path), "origin": ["20 mm"] * 3, "radius": "8 mm", **relaxing, "retardation_time": time,
+            },
+        },
+        "run": {"duration": "4 s"},
+    })  # fmt: skip
+    if not known:
+        with pytest.raises(StabilityError, match="shorter retardation_time"):
+            contact_stability(trace)
+        return
+    depth = trace["tip"][0, 2] - trace["tip"][-1, 2]
+    body = fem.load(path).signed_distance()
+    soft, stiff = (body.indent([0.02] * 3, 8e-3, depth + step).force[2] for step in (-5e-5, 5e-5))
+    assert contact_stability(trace).static_stiffness == pytest.approx((stiff - soft) / 1e-4, rel=0.05)
+
+
 def test_a_body_that_relaxes_slowly_oscillates_like_one_of_its_instantaneous_stiffness(tmp_path: Path) -> None:
     """By signed distance, whose iterations leave a constant in the slow response: certified in spite of it."""
     path = tmp_path / "block.h5"

@@ -248,7 +248,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
         text += f", its {tip} {found.tip_depth * 1e3:.3g} mm below the surface at rest"
         end = found.final_tip_depth
         if end is not None and found.touching_at_end and abs(end - found.tip_depth) > OTHER * max(end, found.tip_depth):
-            text += f" ({end * 1e3:.3g} mm at the end)"
+            text += f" ({end * 1e3:.3g} mm and {found.final_force:.3g} N at the end)"
     others = found.touching_at_end and pushed_through(trace) is not None
     text += f", {'is in contact by another tip' if others else _at_the_end(found, trace)} at the end"
     if found.final_tip_forces:

@@ -97,8 +97,8 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
     return False
 
 
-def tip_depths(trace: Recorded) -> Array | None:
-    """Return how deep the tip of a trace is below the surface of its body at rest (n,), m; 0 outside of it.
+def tip_depths(trace: Recorded, rows: slice = slice(None)) -> Array | None:
+    """Return how deep the tip is below the surface of its body at rest in `rows` of a trace (n,), m; 0 outside of it.
 
     It is the depth of the lowest point of a sphere, of the middle of a flat end, or of the deepest tip of a tool. The
     surface under it moves less: a sphere presses its neighborhood in by less, and an elastic layer lies between. None
@@ -107,8 +107,8 @@ def tip_depths(trace: Recorded) -> Array | None:
     if (found := _recorded_body(trace)) is None:
         return None
     scenario, choice, body = found
-    times = tick_times(scenario.period, trace.time)
-    centers = _tip_in_body(trace, scenario, body)[:, None] + tool_in_body(choice, times)
+    times = tick_times(scenario.period, trace.time[rows])
+    centers = _tip_in_body(trace, scenario, body)[rows, None] + tool_in_body(choice, times)
     depth = depths_at_rest(body, centers.reshape(-1, 3), 0.0 if choice.tip == "flat" else choice.radius)
     return np.asarray(depth.reshape(len(centers), -1).max(axis=1))
 

@@ -11,6 +11,7 @@ from palpate.arrays import Array
 from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded, unfound
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
+from palpate.simulation.bodies import tip_depths
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
@@ -170,6 +171,8 @@ def _explained(
     never = state is State.CONTACT_LOST and not trace["touching"].any() and pushed_through(trace) is None
     if lacking is not None and (never or state in (State.SETTLED, State.UNDECIDED)):
         return Verdict(State.UNDECIDED, lacking, linear=_text(linear))
+    if state is State.SETTLED and (deep := _too_deep(trace, scenario)) is not None:
+        return Verdict(State.UNDECIDED, deep, linear=_text(linear))
     last_fifth = time[window.ending]
     axis, amplitude, frequency = _oscillation(last_fifth, held_tip(trace)[window.ending])
     swing = f"{1e3 * amplitude:.3g} mm along {axis}" + (f" at {frequency:.3g} Hz" if frequency else "")
@@ -250,6 +253,19 @@ def _by_distance(scenario: Scenario) -> bool:
     """Return whether a body of a scenario has contact by signed distance."""
     objects = [scenario.object, *(scenario.objects or {}).values()]
     return any(one.body is not None and "signed_distance" in (one.body.kind, one.body.contact) for one in objects)
+
+
+def _too_deep(trace: Recorded, scenario: Scenario | None) -> str | None:
+    """Return that a tip ends deeper than its radius in a body by signed distance, whose force falls there; or None."""
+    if scenario is None or scenario.object.body is None or not _by_distance(scenario):
+        return None
+    below, radius = tip_depths(trace, slice(-1, None)), scenario.object.body.radius
+    if below is None or not below[-1] > radius:
+        return None
+    return (
+        f"the tip rests {1e3 * below[-1]:.3g} mm deep, more than its radius of {1e3 * radius:.3g} mm: contact by "
+        "signed distance does not hold it there as a body would; use a larger tip, a smaller force, or hyperelastic"
+    )
 
 
 def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None) -> str:

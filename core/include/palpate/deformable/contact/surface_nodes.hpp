@@ -248,7 +248,8 @@ class SurfaceNodes {
     contact.depth_gradient = -tip.outward / alignment;
     if (p < 1.0) {
       contact.coverage = p * p * (3.0 - 2.0 * p);
-      contact.coverage_gradient = (6.0 * p * (1.0 - p) / (patch_widths_[static_cast<std::size_t>(node)] * distance)) * aside;
+      if (distance > 0.0)  // an end that is smaller than the patch has no direction at its middle
+        contact.coverage_gradient = (6.0 * p * (1.0 - p) / (patch_widths_[static_cast<std::size_t>(node)] * distance)) * aside;
     }
     return contact;
   }

@@ -28,6 +28,7 @@ class Body:
         self.late = c * np.diag([1.0, 0.5, 0.25])
         self.state = np.zeros(3)
         self.offset = FRAME @ np.array([-3.0, 0.5, 0.2])
+        self.force = self.offset
         vars(self).update(values)
 
     def move(self, displacements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -108,6 +109,29 @@ def test_a_record_ends_where_its_noise_begins() -> None:
     assert 20 <= len(forth) <= 80
     assert 0.0 < tail.max() < 32 * 5e-3
     np.testing.assert_allclose(0.5 * (forth[0] + back[0]), body.direct, atol=0.02)
+
+
+@pytest.mark.parametrize("share", [0.0, 2e-6, 1e-5])
+def test_a_constant_that_a_displacement_leaves_is_no_part_of_a_response_or_is_refused(share: float) -> None:
+    """Summed over the record it would be a stiffness; a lasting displacement has no such sum."""
+    body: Any = Body(a=0.98, c=-5.0, rounds=True)
+    real = body.move
+
+    def move(displacements: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        forces, nodes = real(displacements)
+        if displacements[0].any() and not displacements[1:].any():
+            forces[1:] += share * np.linalg.norm(body.force) * np.sign(displacements[0] @ FRAME) @ FRAME.T
+        return forces, nodes
+
+    body.move = move
+    if share > 5e-6:
+        with pytest.raises(StabilityError, match="shorter retardation_time"):
+            body_response(body)
+        return
+    found = body_response(body)
+    truth = body.direct + body.late / 0.02
+    assert (np.abs(found.static - truth) <= found.error + 1e-6).all()
+    np.testing.assert_allclose(found.static, truth, atol=0.1 * truth.max())
 
 
 @pytest.mark.parametrize("friction", [False, True])

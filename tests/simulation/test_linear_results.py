@@ -217,6 +217,10 @@ class Coupled:
             self.c = 0.0 * self.c
         self.bias = rng.standard_normal(size)
 
+    @property
+    def force(self) -> np.ndarray:
+        return self.bias
+
     def move(self, path: np.ndarray) -> tuple[np.ndarray, None]:
         state, forces = np.zeros(4), np.empty_like(path)
         for tick, x in enumerate(path @ self.frame):

@@ -177,6 +177,11 @@ class BodyChoice(Section):
     supports: tuple[SupportChoice, ...] | None = None
     options: Annotated[dict[str, float], PlainSerializer(_options_text)] = Field(default_factory=dict)
 
+    @property
+    def by_distance(self) -> bool:
+        """Whether the contact is by signed distance."""
+        return "signed_distance" in (self.kind, self.contact)
+
     @model_validator(mode="before")
     @classmethod
     def _sort(cls, table: Any) -> Any:

@@ -252,14 +252,15 @@ def _without_force(trace: Recorded, rows: slice = slice(None)) -> str | None:
 def _by_distance(scenario: Scenario) -> bool:
     """Return whether a body of a scenario has contact by signed distance."""
     objects = [scenario.object, *(scenario.objects or {}).values()]
-    return any(one.body is not None and "signed_distance" in (one.body.kind, one.body.contact) for one in objects)
+    return any(one.body is not None and one.body.by_distance for one in objects)
 
 
 def _too_deep(trace: Recorded, scenario: Scenario | None) -> str | None:
     """Return that a tip ends deeper than its radius in a body by signed distance, whose force falls there; or None."""
-    if scenario is None or scenario.object.body is None or not _by_distance(scenario):
+    body = None if scenario is None else scenario.object.body
+    if body is None or not body.by_distance:
         return None
-    below, radius = tip_depths(trace, slice(-1, None)), scenario.object.body.radius
+    below, radius = tip_depths(trace, slice(-1, None)), body.radius
     if below is None or not below[-1] > radius:
         return None
     return (

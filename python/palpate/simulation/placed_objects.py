@@ -105,7 +105,7 @@ class PlacedObject:
     def _has_moment(self) -> bool:
         """Whether the core knows the moment of the contact: that by signed distance."""
         body = self.scenario.object.body
-        return body is not None and "signed_distance" in (body.kind, body.contact)
+        return body is not None and body.by_distance
 
     def _deflection(self, tip: Array, values: Mapping[str, Array]) -> Array:
         """Return the deflection of a spring, a wall or a field (n, 3), m; without an object, the tip's displacement.

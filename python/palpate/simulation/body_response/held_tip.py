@@ -88,7 +88,7 @@ class HeldTip:
                 "update_interval from [object.body]"
             )
         self.core = body.core
-        self._by_distance = "signed_distance" in (choice.kind, choice.contact)
+        self._by_distance = choice.by_distance
         self.radius, self.period = choice.radius, scenario.period
         self.every = round(choice.options.get("update_interval", 20e-3) / scenario.period) if self.multirate else 1
         self._flat = choice.tip == "flat"

@@ -108,7 +108,7 @@ def test_every_kind_rests_in_its_cones_breaks_away_and_slides(small: Body, name:
     rough.core.reset()
     felt, cones = [], []
     for part in np.array_split(path, 45):
-        felt.append(rough.simulate_path(part, RADIUS, outward=[0, 0, 1]))
+        felt.append(rough.simulate_path(part, RADIUS, outward=[0, 0, 1], go_on=True))
         forces, dragged = rough.core.contact_forces()[1], rough.core.friction_forces()
         cones.append(np.linalg.norm(dragged, axis=1) / forces)
         assert np.abs(dragged[:, 2]).max() == 0.0
@@ -121,7 +121,7 @@ def test_every_kind_rests_in_its_cones_breaks_away_and_slides(small: Body, name:
     assert ratio[-1] == pytest.approx(slide, rel=2e-3)
     assert friction[-1] @ [-0.8, -0.6, 0.0] == pytest.approx(slide * pressing[-1], rel=2e-3)
     # Let go to rest where it is, it stays there, within the cones.
-    held = rough.simulate_path(np.tile(path[-1], (400, 1)), RADIUS, outward=[0, 0, 1])
+    held = rough.simulate_path(np.tile(path[-1], (400, 1)), RADIUS, outward=[0, 0, 1], go_on=True)
     assert held.friction[-1] == pytest.approx(held.friction[-2], rel=1e-3)
     assert np.linalg.norm(held.friction[-1]) <= hold * pressing[-1]
 

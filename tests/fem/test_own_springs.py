@@ -195,7 +195,7 @@ def test_no_tick_makes_energy_while_a_tip_shakes_it(law: dict[str, float]) -> No
     for _ in range(1500):
         place = 0.95 * place + random.normal(size=3) * [1e-3, 1e-3, 6e-4]
         had = core.energy
-        springy.simulate_path((place + np.array([0.0075, 0.0075, 0.021]))[None], 0.006, outward=[0, 0, 1])
+        springy.simulate_path((place + np.array([0.0075, 0.0075, 0.021]))[None], 0.006, outward=[0, 0, 1], go_on=True)
         nodes, forces = core.contact_forces()
         now = springy.displacement()
         work = (forces * np.einsum("ij,ij->i", inward[nodes], (now - before)[nodes])).sum()

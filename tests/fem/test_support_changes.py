@@ -28,8 +28,8 @@ def down(deep: float, steps: int, start: float = 0.0, x: float = 20e-3) -> np.nd
     return np.column_stack([np.full(steps, x), np.full(steps, 20e-3), 20e-3 + RADIUS - depth])
 
 
-def path(body: Body, centers: np.ndarray[Any, Any]) -> fem.ContactHistory:
-    return body.simulate_path(centers, RADIUS, outward=(0.0, 0.0, 1.0))
+def path(body: Body, centers: np.ndarray[Any, Any], go_on: bool = False) -> fem.ContactHistory:
+    return body.simulate_path(centers, RADIUS, outward=(0.0, 0.0, 1.0), go_on=go_on)
 
 
 def built(fixed: list[str], **options: Any) -> Body:
@@ -130,7 +130,7 @@ def test_a_grasp_of_a_deformed_body_obeys_finite_elements_with_prescribed_displa
     displacement, largest = np.zeros((len(body.nodes), 3)), 0.0
     for centers, held in stages:
         where = displacement.ravel()[held]  # as they are when they are grasped
-        path(body, centers)
+        path(body, centers, go_on=True)
         displacement, forces = body.displacement(), loads_of(body)
         largest = max(largest, float(np.abs(displacement).max()))
         expected = dense.solve(forces, held, where)
@@ -177,7 +177,7 @@ def test_a_body_is_touched_only_where_it_is_touchable(body: Body, kind: str) -> 
     moved = changing.displacement()[changing.nodes[:, 0] < 21e-3]
     assert np.abs(moved).max() > 1e-4  # the others still deform
     assert 0.0 < np.linalg.norm(found.force[-1]) < 0.8 * np.linalg.norm(found.force[19])
-    left = path(changing, np.vstack([down(-1e-3, 10, 4e-3), down(4e-3, 30, -1e-3)]))
+    left = path(changing, np.vstack([down(-1e-3, 10, 4e-3), down(4e-3, 30, -1e-3)]), go_on=True)
     np.testing.assert_allclose(left.force[-1], found.force[19], rtol=1e-3, atol=1e-4)
 
 
@@ -223,7 +223,10 @@ def test_a_tool_of_several_tips_follows_changes(body: Body) -> None:
             lambda b: b.with_support_changes([{"at": "1 ms", "touchable": "z < 1 mm"}], PERIOD),
             "touchable: no contact node",
         ),
-        (lambda b: b.with_support_changes([{"at": "0 s", "held": LEFT}], PERIOD), "needs a later tick"),
+        (
+            lambda b: b.with_support_changes([{"at": "0 s", "held": LEFT}], PERIOD),
+            "is that of the start: hold a region",
+        ),
         (
             lambda b: b.with_support_changes([{"at": "2 ms", "held": LEFT}, {"at": "2 ms", "held": []}], PERIOD),
             "give increasing times",

@@ -208,7 +208,7 @@ def test_a_run_names_an_overlap_with_what_is_held_at_its_end(block: Path) -> Non
             {"supports": GRASP, "kind": "viscoelastic", "instantaneous_ratio": 2, "retardation_time": "1 s"},
             r"need the contact by signed distance; write contact = \"signed_distance\"",
         ),
-        ({"supports": [{"at": "0 s", "held": BESIDE}]}, r"needs a later tick"),
+        ({"supports": [{"at": "0 s", "held": BESIDE}]}, r"is that of the start: hold a region"),
     ],
 )
 def test_a_scenario_whose_changes_are_none_is_refused(block: Path, body: dict[str, Any], sentence: str) -> None:

@@ -110,6 +110,7 @@ class IndentableBody(CondensedBody):
         if static := self._static_body():
             return static.indent(point, radius, depth, tip=tip)
         x = point_of(point)
+        check_tip(tip)
         size, deep = positive(radius, "m", "radius"), indentation_depth(depth)
         target, normal = self._indentation_axis(x, size, deep)
         center = target + normal * ((size if tip == "sphere" else 0.0) - deep)
@@ -217,7 +218,7 @@ class IndentableBody(CondensedBody):
         else:
             steps = int(np.ceil(max(radii, 1.0) * self.ramp_time / self.settling_period))
         path = center + np.outer(deep * (1.0 - np.arange(1, steps + 1) / steps), normal)
-        history = self.simulate_path(path, size, outward=normal, tip=tip)
+        history = self._move(path, size, outward=normal, tip=tip)
         if self.settling_period is not None:
             in_contact = 1e3 * deep * (np.flatnonzero(history.nodes) + 1) / steps
             history = self._settle(center, size, normal, tip, self.settling_period)
@@ -234,7 +235,7 @@ class IndentableBody(CondensedBody):
         left = np.append(np.linspace(deep, 0.0, steps + 1), np.zeros(_STILL_STEPS))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", BodyWarning)  # the last step decides
-            history = self.simulate_path(center + np.outer(left, normal), size, outward=normal, tip=tip)
+            history = self._move(center + np.outer(left, normal), size, outward=normal, tip=tip)
         if not history.lost[-1]:
             push = history.force @ normal
             if push[-1] < _FALLEN * push.max():
@@ -245,7 +246,7 @@ class IndentableBody(CondensedBody):
                     BodyWarning,
                     stacklevel=4,
                 )
-            return self.simulate_path(center[None], size, outward=normal, tip=tip)
+            return self._move(center[None], size, outward=normal, tip=tip)
         until = 1e3 * (deep - left[np.argmax(history.lost)])
         raise BodyError(
             f"depth: the tip is pushed through the body at {until:.3g} mm: use a smaller depth or a larger tip, or "
@@ -272,7 +273,7 @@ class IndentableBody(CondensedBody):
         """Keep the tip at `center` until the force stays within 0.1 % for 50 ms; warn if it does not in 5 s."""
         still = np.tile(center, (int(np.ceil(0.05 / period)), 1))
         for _ in range(100):
-            history = self.simulate_path(still, size, outward=normal, tip=tip)
+            history = self._move(still, size, outward=normal, tip=tip)
             if np.abs(np.ptp(history.force, axis=0)).max() <= 1e-3 * np.linalg.norm(history.force[-1]):
                 break
         else:
@@ -281,9 +282,15 @@ class IndentableBody(CondensedBody):
         return ContactHistory(force[-1:], deflection[-1:], energy[-1:], nodes[-1:], friction[-1:], lost[-1:])
 
     def simulate_path(
-        self, path: ArrayLike, radius: float | str, *, outward: ArrayLike | None = None, tip: TipShape = "sphere"
+        self,
+        path: ArrayLike,
+        radius: float | str,
+        *,
+        outward: ArrayLike | None = None,
+        tip: TipShape = "sphere",
+        go_on: bool = False,
     ) -> ContactHistory:
-        """Move the tip along a path, one period per sample, and return the contact.
+        """Move the tip along a path, one period per sample, from rest, and return the contact.
 
         The tip may go in by any depth, by less than its radius per sample.
 
@@ -294,6 +301,7 @@ class IndentableBody(CondensedBody):
                 for a sphere, the mean normal of the nodes in contact or the normal of the nearest node, and for a flat
                 end the normal of the nearest surface point.
             tip: "sphere" or "flat".
+            go_on: begin with the state in which the last path has left the body, in place of rest.
 
         Raises:
             PoseError: the path or a direction has the wrong shape or a number that is not finite.
@@ -308,8 +316,15 @@ class IndentableBody(CondensedBody):
         check_tip(tip)
         if outward is None and tip == "flat":
             outward = area_vectors(self.surface.vertices, self.surface.triangles[self.surface.nearest(centers)[1]])
+        axes = None if outward is None else directions(outward, centers.shape)
+        if not go_on:
+            self.core.reset()
+        return self._move(centers, size, outward=axes, tip=tip)
+
+    def _move(self, centers: Array, radius: float, *, outward: Array | None, tip: TipShape) -> ContactHistory:
+        """Move the tip along a path (m, 3), m, from the present state; `outward` is (3,) or (m, 3)."""
         axes = np.empty((0, 3)) if outward is None else directions(outward, centers.shape)
-        rows = self.core.simulate_path(centers, axes, size, tip == "flat")
+        rows = self.core.simulate_path(np.ascontiguousarray(centers), axes, radius, tip == "flat")
         if self.kind.by_distance:
             _warn_of_unsolved(rows)
             _warn_of_start(rows[:1, LOST])

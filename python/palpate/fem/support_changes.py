@@ -71,10 +71,15 @@ class SupportPlan(NamedTuple):
         """
         steps = self.steps
         for change, before, step in zip(self.changes, steps, steps[1:], strict=False):
+            if step <= 0:
+                raise BodyError(
+                    f"supports: a change at {change.at:g} s is that of the start: hold a region from the start on with "
+                    f"held in [object.body] or fem.build, or change the supports at {self.period:g} s or later"
+                )
             if step <= before:
                 raise BodyError(
-                    f"supports: a change at {change.at:g} s needs a later tick than the one before, of the run's start "
-                    "or of another change: give increasing times"
+                    f"supports: a change at {change.at:g} s needs a later tick than the one before: give "
+                    "increasing times"
                 )
         held, touchable = np.zeros(len(nodes), dtype=bool), np.ones(len(nodes), dtype=bool)
         rows = [_roles(held, touchable)]

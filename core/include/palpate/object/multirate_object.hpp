@@ -69,11 +69,13 @@ class MultirateObject final : public DeformableObject {
     return std::make_unique<MultirateObject>(coupling_.solver().clone_at_rest(), update_interval_, slip_at_rest());
   }
 
-  /// Provide the first local model: the body at rest near the tip.
+  /// Provide the first local model: the body at rest near the tip, or in equilibrium under a tip that starts in contact. One update does
+  /// not find the equilibrium under a deep tip.
   void initialize(const deformable::Tip& tip) override {
     tips_.tip[0] = tip;
     coupling_.set_tips(tips_);
     update_model();
+    for (int k = 0; k < max_starting_updates && coupling_.last_report().relative_residual > balanced; ++k) update_model();
   }
 
   void step_synchronously() override {
@@ -115,6 +117,9 @@ class MultirateObject final : public DeformableObject {
   }
 
  private:
+  static constexpr int max_starting_updates = 100;
+  static constexpr double balanced = 1e-4;  // unbalanced force at the start, relative to the contact forces
+
   [[nodiscard]] Slip slip_at_rest() const {
     Slip slip = slip_;
     slip.reset();

@@ -113,9 +113,12 @@ inline palpate::deformable::SpringLaw spring_law(double hardening_strain, double
 }
 
 inline palpate::deformable::PatchWeights network_patches(const Indices& begin, const Indices& vertices, const Numbers& shares,
-                                                         std::size_t nodes, std::size_t below) {
+                                                         const Tensor& compliance, std::size_t nodes, std::size_t below) {
+  if (compliance.shape(0) != nodes || compliance.shape(1) != 3) throw nanobind::value_error("each patch has a compliance");
   palpate::deformable::PatchWeights p{
-      {begin.data(), begin.data() + begin.shape(0)}, {vertices.data(), vertices.data() + vertices.shape(0)}, numbers(shares)};
+      {begin.data(), begin.data() + begin.shape(0)}, {vertices.data(), vertices.data() + vertices.shape(0)}, numbers(shares), {}};
+  for (std::size_t i = 0; i < nodes; ++i)
+    p.compliance.emplace_back(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(compliance.data() + 9 * i));
   bool fit = p.begin.size() == nodes + 1 && p.weights.size() == p.vertices.size() && p.begin.front() == 0 &&
              static_cast<std::size_t>(p.begin.back()) == p.vertices.size() && std::is_sorted(p.begin.begin(), p.begin.end());
   for (const std::int32_t v : p.vertices) fit = fit && v >= 0 && static_cast<std::size_t>(v) < below;

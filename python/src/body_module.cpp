@@ -102,22 +102,23 @@ void bind_mass_spring(nb::module_& m) {
           [](BodyCore<MassSpringModel>* self, const Points& at, const Points& normals, const Numbers& areas, const Points& positions,
              const Numbers& masses, const Flags& fixed, const IndexRows<2>& springs, const Numbers& stiffness, const Numbers& rest_lengths,
              const Numbers& damping, const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin, const Indices& vertices,
-             const Numbers& shares, double period, double alpha, double beta, double hardening_strain, double exponent,
-             double stiffness_limit, double mu_static, double mu_dynamic, int lanes) {
+             const Numbers& shares, const Tensor& patch_compliance, double period, double alpha, double beta, double hardening_strain,
+             double exponent, double stiffness_limit, double mu_static, double mu_dynamic, int lanes) {
             if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
               throw nb::value_error("the sizes of the body's arrays do not match");
             palpate::deformable::SurfaceNodes nodes(points(at), points(normals), numbers(areas));
             auto parts = network_parts(positions, masses, fixed, springs, stiffness, rest_lengths, damping, tetrahedra, pressure);
             parts.law = spring_law(hardening_strain, exponent, stiffness_limit);
-            MassSpringModel network(nodes, std::move(parts), network_patches(begin, vertices, shares, at.shape(0), positions.shape(0)),
-                                    period, alpha, beta, palpate::body::widest_spring_kernels(lanes));
+            MassSpringModel network(nodes, std::move(parts),
+                                    network_patches(begin, vertices, shares, patch_compliance, at.shape(0), positions.shape(0)), period,
+                                    alpha, beta, palpate::body::widest_spring_kernels(lanes));
             if (!network.definite()) throw nb::value_error("the masses and volumes of a network must be positive");
             new (self) BodyCore<MassSpringModel>(std::move(nodes), std::move(network), {mu_static, mu_dynamic});
           },
           "points"_a, "normals"_a, "areas"_a, "positions"_a, "masses"_a, "fixed"_a, "springs"_a, "stiffness"_a, "rest_lengths"_a,
-          "damping"_a, "tetrahedra"_a, "pressure"_a, "patch_begin"_a, "patch_vertices"_a, "patch_weights"_a, "period"_a, "rayleigh_alpha"_a,
-          "rayleigh_beta"_a, "hardening_strain"_a = 0.0, "exponent"_a = 0.0, "stiffness_limit"_a = 1.0, "static_friction"_a = 0.0,
-          "dynamic_friction"_a = 0.0, "lanes"_a = 0,
+          "damping"_a, "tetrahedra"_a, "pressure"_a, "patch_begin"_a, "patch_vertices"_a, "patch_weights"_a, "patch_compliance"_a,
+          "period"_a, "rayleigh_alpha"_a, "rayleigh_beta"_a, "hardening_strain"_a = 0.0, "exponent"_a = 0.0, "stiffness_limit"_a = 1.0,
+          "static_friction"_a = 0.0, "dynamic_friction"_a = 0.0, "lanes"_a = 0,
           "`lanes`: width of the registers as for run_cells, 0: the widest; the forces do not depend on it.")
       .def(
           "displacement",

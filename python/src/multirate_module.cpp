@@ -84,9 +84,9 @@ struct MultirateCore : BodyInLoop {
 MultirateCore* spring_body(const Points& at, const Points& normals, const Numbers& areas, const Points& positions, const Numbers& masses,
                            const Flags& fixed, const IndexRows<2>& springs, const Numbers& stiffness, const Numbers& rest_lengths,
                            const Numbers& damping, const IndexRows<4>& tetrahedra, const Numbers& pressure, const Indices& begin,
-                           const Indices& vertices, const Numbers& shares, const Matrix& compliance, double period, double alpha,
-                           double beta, double hardening_strain, double exponent, double stiffness_limit, double mu_static,
-                           double mu_dynamic, int update_interval) {
+                           const Indices& vertices, const Numbers& shares, const Tensor& patch_compliance, const Matrix& compliance,
+                           double period, double alpha, double beta, double hardening_strain, double exponent, double stiffness_limit,
+                           double mu_static, double mu_dynamic, int update_interval) {
   if (at.shape(0) == 0 || normals.shape(0) != at.shape(0) || areas.shape(0) != at.shape(0))
     throw nb::value_error("the sizes of the body's arrays do not match");
   if (mu_static > 0.0 && (compliance.shape(0) != 3 * at.shape(0) || compliance.shape(1) != compliance.shape(0)))
@@ -94,8 +94,8 @@ MultirateCore* spring_body(const Points& at, const Points& normals, const Number
   auto parts = network_parts(positions, masses, fixed, springs, stiffness, rest_lengths, damping, tetrahedra, pressure);
   parts.law = spring_law(hardening_strain, exponent, stiffness_limit);
   const auto make = [&](const SurfaceNodes& nodes, double tick) {
-    MassSpringModel network(nodes, parts, network_patches(begin, vertices, shares, at.shape(0), positions.shape(0)), tick, alpha, beta,
-                            palpate::body::widest_spring_kernels(0));
+    MassSpringModel network(nodes, parts, network_patches(begin, vertices, shares, patch_compliance, at.shape(0), positions.shape(0)), tick,
+                            alpha, beta, palpate::body::widest_spring_kernels(0));
     if (!network.definite()) throw nb::value_error("the masses and volumes of a network must be positive");
     return network;
   };
@@ -109,9 +109,9 @@ void bind_multirate(nb::module_& m) {
   nb::class_<MultirateCore, BodyInLoop>(m, "MultirateBody", "Linear body whose model is updated at a low rate, after the ticks.")
       .def_static("mass_spring", &spring_body, "points"_a, "normals"_a, "areas"_a, "positions"_a, "masses"_a, "fixed"_a, "springs"_a,
                   "stiffness"_a, "rest_lengths"_a, "damping"_a, "tetrahedra"_a, "pressure"_a, "patch_begin"_a, "patch_vertices"_a,
-                  "patch_weights"_a, "compliance"_a, "period"_a, "rayleigh_alpha"_a, "rayleigh_beta"_a, "hardening_strain"_a = 0.0,
-                  "exponent"_a = 0.0, "stiffness_limit"_a = 1.0, nb::kw_only(), "static_friction"_a, "dynamic_friction"_a,
-                  "update_interval"_a, "`compliance`: static, of the nodes, for friction only.")
+                  "patch_weights"_a, "patch_compliance"_a, "compliance"_a, "period"_a, "rayleigh_alpha"_a, "rayleigh_beta"_a,
+                  "hardening_strain"_a = 0.0, "exponent"_a = 0.0, "stiffness_limit"_a = 1.0, nb::kw_only(), "static_friction"_a,
+                  "dynamic_friction"_a, "update_interval"_a, "`compliance`: static, of the nodes, for friction only.")
       .def_static(
           "modal",
           [](const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance, const Matrix& shapes,

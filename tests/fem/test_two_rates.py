@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from palpate import fem as bodies
 from palpate.fem import Body, BodyError, block
+from palpate.fem.checks import TipShape
 
 RADIUS, TOP = 8e-3, 0.015
 Make = Callable[..., Body]
@@ -51,12 +52,15 @@ def path(ticks: int, depth: float = 2e-3, side: float = 1e-3, rest: int = 0) -> 
 
 
 @every
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
 @pytest.mark.parametrize("interval", ["5 ms", "20 ms"])
-def test_at_rest_the_force_is_that_of_one_rate(body: Body, kind: str, interval: str) -> None:
+def test_at_rest_the_force_is_that_of_one_rate(body: Body, kind: str, tip: TipShape, interval: str) -> None:
     """Both rates have the same equilibrium; 0.1 % is the motion that is left after 1.5 s."""
     way = path(200, rest=1500)
-    one = made(body, kind).simulate_path(way, RADIUS).force[-1]
-    two = made(body, kind, update_interval=interval).simulate_path(way, RADIUS).force[-1]
+    if tip == "flat":
+        way[:, 2] -= RADIUS
+    one = made(body, kind).simulate_path(way, RADIUS, tip=tip, outward=[0, 0, 1]).force[-1]
+    two = made(body, kind, update_interval=interval).simulate_path(way, RADIUS, tip=tip, outward=[0, 0, 1]).force[-1]
     assert np.linalg.norm(one) > 0.05
     assert np.linalg.norm(two - one) < 1e-3 * np.linalg.norm(one)
 

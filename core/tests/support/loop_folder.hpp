@@ -124,12 +124,15 @@ inline std::string body(Files& to, const std::string& model) {
   if (model == "mass_spring" || model == "modal") out += R"(, "rayleigh_alpha": 1.0, "rayleigh_beta": 0.001)";
   if (model == "mass_spring") {
     const auto& d = cube.data;
+    std::vector<double> compliance;
+    for (const auto& each : cube.patches.compliance) compliance.insert(compliance.end(), each.data(), each.data() + 9);
     return out + R"(, "positions": )" + points(to, "positions", d.rest_positions) + R"(, "masses": )" + blob(to, "masses", d.masses) +
            R"(, "fixed": )" + blob(to, "fixed", d.fixed) + R"(, "springs": )" + indices<2>(to, "springs", d.springs) +
            R"(, "stiffness": )" + blob(to, "stiffness", d.stiffness) + R"(, "tetrahedra": )" + indices<4>(to, "tetrahedra", d.tetrahedra) +
            R"(, "pressure": )" + blob(to, "pressure", d.pressure) + R"(, "patch_begin": )" + blob(to, "patch_begin", cube.patches.begin) +
            R"(, "patch_vertices": )" + blob(to, "patch_vertices", cube.patches.vertices) + R"(, "patch_weights": )" +
-           blob(to, "patch_weights", cube.patches.weights) + "}";
+           blob(to, "patch_weights", cube.patches.weights) + R"(, "patch_compliance": )" + blob(to, "patch_compliance", compliance, 3) +
+           "}";
   }
   std::vector<float> full(9 * count * count, 0.0F);
   for (std::size_t i = 0; i < 3 * count; ++i)

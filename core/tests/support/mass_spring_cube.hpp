@@ -10,7 +10,7 @@
 /// Cube of `side` cells of six tetrahedra, fixed at the bottom; springs along all edges.
 struct Cube {
   palpate::deformable::SpringNetworkData data;
-  palpate::deformable::PatchWeights patches{{0}, {}, {}};
+  palpate::deformable::PatchWeights patches{{0}, {}, {}, {}};
   palpate::deformable::SurfaceNodes nodes;
 
   explicit Cube(std::int32_t side, bool fix_bottom = true, double width = 5e-3, double stiffness = 20.0) {
@@ -31,6 +31,7 @@ struct Cube {
           areas.push_back(width * width);
           patches.vertices.push_back(number(x, y, z));
           patches.weights.push_back(1.0);
+          patches.compliance.emplace_back(Eigen::Matrix3d::Identity() / stiffness);
           patches.begin.push_back(static_cast<std::int32_t>(patches.weights.size()));
         }
     for (std::int32_t x = 0; x < side; ++x)

@@ -392,6 +392,12 @@ class CondensedBody:
         stiffness = network.matrix[rows][:, rows]
         return MultifrontalSolver(stiffness, loads.tocsr()[free], network.points[free]).compliance()
 
+    def _own_compliance(self) -> Array:
+        """Return the static compliance of each contact node by itself (n, 3, 3), m/N."""
+        n = len(self.nodes)
+        blocks = np.einsum("iaib->iab", self.compliance.reshape(n, 3, n, 3))
+        return np.ascontiguousarray(blocks, dtype=float)
+
     def _network_arrays(self) -> dict[str, NDArray[Any]]:
         """Return the masses, springs, volumes and patches of the mass-spring model, in the order of the core."""
         network = self.spring_network
@@ -409,6 +415,7 @@ class CondensedBody:
             "patch_begin": begin,
             "patch_vertices": vertices,
             "patch_weights": weights,
+            "patch_compliance": self._own_compliance(),
         }
 
     def _arrays(self) -> tuple[Array, Array, Array, Single]:

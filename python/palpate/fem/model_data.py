@@ -48,6 +48,7 @@ def model_data(body: Body) -> ModelData:
     if name == "mass_spring":
         network = body._network_arrays()
         network["fixed"] = network["fixed"].astype(np.uint8)
+        network["patch_compliance"] = network["patch_compliance"].reshape(-1, 3)
         if body.update_ticks and static > 0.0:
             arrays["compliance"] = body._network_compliance()
         return ModelData("mass_spring", parameters | options, arrays | network)

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -202,10 +203,15 @@ template <class Model, class Make>
   out.weights = from.blob<double>("patch_weights", -1, 1);
   const auto entries = static_cast<std::int64_t>(out.weights.size());
   for (const auto& row : read_indices<1>(from, "patch_vertices", vertices)) out.vertices.push_back(row[0]);
+  const std::vector<double> compliance = from.blob<double>("patch_compliance", 3 * nodes, 3);
+  for (std::size_t k = 0; k + 9 <= compliance.size(); k += 9)
+    out.compliance.emplace_back(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(compliance.data() + k));
   if (!reader.ok()) return out;
   if (static_cast<std::int64_t>(out.vertices.size()) != entries || out.begin.front() != 0 || out.begin.back() != entries ||
       !std::is_sorted(out.begin.begin(), out.begin.end()))
     from.fail("patch_begin", "does not fit the patches' vertices and weights");
+  const auto stiff = [](const Matrix3<>& each) { return Eigen::LLT<Matrix3<>>(each).info() == Eigen::Success; };
+  if (!std::all_of(out.compliance.begin(), out.compliance.end(), stiff)) from.fail("patch_compliance", "is not positive definite");
   return out;
 }
 

@@ -227,7 +227,7 @@ TEST(MassSpringModel, ABodyAtRestTakesWholeSteps) {
 // A mass on a spring of each law against its equation of motion, solved in small steps; the numerical damping is h r / 2.
 TEST(MassSpringModel, MassOnANonlinearSpringMovesAsItsEquationOfMotion) {
   const palpate::deformable::SurfaceNodes nodes({{0, 0, 0.01}}, {{0, 0, 1}}, {1e-4});
-  const palpate::deformable::PatchWeights patches{{0, 1}, {1}, {1.0}};
+  const palpate::deformable::PatchWeights patches{{0, 1}, {1}, {1.0}, {Eigen::Matrix3d::Identity()}};
   const double period = 1e-6, mass = 1e-3, k = 30.0, length = 0.01;
   for (const SpringLaw& law : laws) {
     palpate::deformable::MassSpringModel model(nodes, one_spring(law), patches, period, 0.0, 0.0);
@@ -251,7 +251,7 @@ TEST(MassSpringModel, MassOnANonlinearSpringMovesAsItsEquationOfMotion) {
 // A node that is pressed for long: the force is that of the law, whatever the period.
 TEST(MassSpringModel, HeldForceGivesTheStretchOfTheLaw) {
   const palpate::deformable::SurfaceNodes nodes({{0, 0, 0.01}}, {{0, 0, 1}}, {1e-4});
-  const palpate::deformable::PatchWeights patches{{0, 1}, {1}, {1.0}};
+  const palpate::deformable::PatchWeights patches{{0, 1}, {1}, {1.0}, {Eigen::Matrix3d::Identity()}};
   for (const SpringLaw& law : laws)
     for (const double period : {1e-4, 1e-3}) {
       palpate::deformable::MassSpringModel model(nodes, one_spring(law), patches, period, 50.0, 0.0);

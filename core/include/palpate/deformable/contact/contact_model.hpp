@@ -21,7 +21,14 @@ namespace palpate::deformable {
 ///                                       true only if free_displacement(i) >= value [m]; cheaper than its evaluation
 ///   bool group_free_displacement_at_least(group, value)
 ///                                       same for all nodes of a group (SurfaceNodes::for_each_in_group)
+///   double layer_compliance(i)          self-compliance of a node that a partial coverage of its patch divides, m/N; without it, that
+///                                       within the period. The part of a patch beside an edge yields at once, so a model with
+///                                       inertia states the static one
+///   Matrix2d tangential_layer(i)        same in SurfaceNodes::tangent_basis, for friction
 ///   Creep creep()                       creep law, applied to the extra compliance of partially covered patches
+///   double layer_free_displacement(i), layer_free_energy(i)
+///                                       without creep(): displacement that a partial coverage divides as well [m], and the energy
+///                                       stored in it [J]
 ///   Matrix2d tangential(i, j)           tangential compliance in SurfaceNodes::tangent_basis, m/N; required by friction
 ///   Vector2d free_tangential_displacement(i)
 ///                                       tangential displacement without force, m; for models with tangential memory

@@ -93,9 +93,7 @@ class PartialSlip {
         compliance_.block<2, 2>(2 * s, 2 * t) = block;
         compliance_.block<2, 2>(2 * t, 2 * s) = block.transpose();
       }
-      self_compliance_[at(s)] = compliance_.block<2, 2>(2 * s, 2 * s);
-      compliance_.block<2, 2>(2 * s, 2 * s) /= coverage_[at(s)];
-      update_max_compliance(s);
+      set_self_compliance(model, s);
     }
     for (int s = 0; s < count_; ++s) displacement_.segment<2>(2 * s) = elastic_displacement(s, count_);
     const double after = force_.head(size).dot(displacement_.head(size));
@@ -122,7 +120,7 @@ class PartialSlip {
   [[nodiscard]] double compliance_work() const noexcept {
     const Eigen::Index size = 2 * count_;
     double sum = force_.head(size).dot(displacement_.head(size) - memory_displacement_.head(size));
-    for (int s = 0; s < count_; ++s) sum -= (1.0 / coverage_[at(s)] - 1.0) * self_work(s, force_.segment<2>(2 * s));
+    for (int s = 0; s < count_; ++s) sum -= (1.0 / coverage_[at(s)] - 1.0) * layer_work(s, force_.segment<2>(2 * s));
     return sum;
   }
 
@@ -131,7 +129,7 @@ class PartialSlip {
     double sum = 0.0;
     for (int s = 0; s < count_; ++s) {
       const Eigen::Vector2d q = force_.segment<2>(2 * s), next = creep_.decay * creep_state_[at(s)] + creep_.gain * q;
-      sum += (1.0 / coverage_[at(s)] - 1.0) * creep_.energy(self_work(s, q), self_work(s, next)) / creep_.period_ratio;
+      sum += (1.0 / coverage_[at(s)] - 1.0) * creep_.energy(layer_work(s, q), layer_work(s, next)) / creep_.period_ratio;
     }
     return sum;
   }
@@ -141,8 +139,8 @@ class PartialSlip {
     const int s = slot_of_[static_cast<std::size_t>(node)];
     if (s < 0) return 0.0;
     const Eigen::Vector2d q = force_.segment<2>(2 * s);
-    const Eigen::Vector2d &creep_state = creep_state_[at(s)], whole = self_compliance_[at(s)] * creep_state / creep_.period_ratio;
-    return (0.5 * q.dot(self_compliance_[at(s)] * q) + creep_.decay * q.dot(whole) - creep_.delayed_energy(creep_state.dot(whole))) /
+    const Eigen::Vector2d &creep_state = creep_state_[at(s)], whole = layer_compliance_[at(s)] * creep_state / creep_.period_ratio;
+    return (0.5 * layer_work(s, q) + creep_.decay * q.dot(whole) - creep_.delayed_energy(creep_state.dot(whole))) /
            (coverage_[at(s)] * coverage_[at(s)]);
   }
 
@@ -162,8 +160,22 @@ class PartialSlip {
   static std::size_t at(int s) noexcept { return static_cast<std::size_t>(s); }
   Eigen::VectorBlock<SlotVector, 2> lag(int s) noexcept { return lag_.segment<2>(2 * s); }
 
-  /// q.C q [N m] with the self-compliance C of a fully covered patch.
-  [[nodiscard]] double self_work(int s, const Eigen::Vector2d& q) const noexcept { return q.dot(self_compliance_[at(s)] * q); }
+  /// q.C q [N m] with the self-compliance C of a patch that a partial coverage divides.
+  [[nodiscard]] double layer_work(int s, const Eigen::Vector2d& q) const noexcept { return q.dot(layer_compliance_[at(s)] * q); }
+
+  /// Take the self-compliance of slot s, which is in the diagonal block, for a fully covered patch; apply the coverage.
+  template <class Model>
+  void set_self_compliance(const Model& model, int s) noexcept {
+    self_compliance_[at(s)] = layer_compliance_[at(s)] = compliance_.block<2, 2>(2 * s, 2 * s);
+    if constexpr (requires { model.tangential_layer(0); }) layer_compliance_[at(s)] = model.tangential_layer(node_[at(s)]);
+    compliance_.block<2, 2>(2 * s, 2 * s) = covered_compliance(s, coverage_[at(s)]);
+    update_max_compliance(s);
+  }
+
+  /// Self-compliance of slot s at a covered fraction of its patch, m/N.
+  [[nodiscard]] Eigen::Matrix2d covered_compliance(int s, double coverage) const noexcept {
+    return self_compliance_[at(s)] + (1.0 / coverage - 1.0) * layer_compliance_[at(s)];
+  }
 
   /// Displacement [m] of slot s by the forces on the first `slots` slots.
   [[nodiscard]] Eigen::Vector2d elastic_displacement(int s, int slots) const noexcept {
@@ -184,10 +196,9 @@ class PartialSlip {
       compliance_.block<2, 2>(2 * s, 2 * t) = block;
       compliance_.block<2, 2>(2 * t, 2 * s) = block.transpose();
     }
-    self_compliance_[at(s)] = compliance_.block<2, 2>(2 * s, 2 * s);
     coverage_[at(s)] = 1.0;
+    set_self_compliance(model, s);
     creep_state_[at(s)].setZero();
-    update_max_compliance(s);
     force_.segment<2>(2 * s).setZero();
     lag(s).setZero();
     memory_displacement_.segment<2>(2 * s).setZero();
@@ -206,13 +217,13 @@ class PartialSlip {
     displacement_.segment<2>(2 * s) = now;
   }
 
-  /// Set the covered fraction of a patch: the self-compliance is that of the full patch divided by the coverage.
+  /// Set the covered fraction of a patch.
   void set_coverage(int s, double coverage) noexcept {
     if (coverage == coverage_[at(s)]) return;
     const Eigen::Vector2d creep_state = partial_coverage_creep(s, coverage) - partial_coverage_creep(s, coverage_[at(s)]);
     coverage_[at(s)] = coverage;
     memory_displacement_.segment<2>(2 * s) += creep_state;
-    const Eigen::Matrix2d block = self_compliance_[at(s)] / coverage;
+    const Eigen::Matrix2d block = covered_compliance(s, coverage);
     const Eigen::Vector2d more = (block - compliance_.block<2, 2>(2 * s, 2 * s)) * force_.segment<2>(2 * s) + creep_state;
     lag(s) -= more;
     displacement_.segment<2>(2 * s) += more;
@@ -222,7 +233,7 @@ class PartialSlip {
 
   /// Extra creep displacement [m] of a partially covered patch (see TipContact::advance_creep).
   [[nodiscard]] Eigen::Vector2d partial_coverage_creep(int s, double coverage) const noexcept {
-    return ((1.0 / coverage - 1.0) * creep_.decay / creep_.period_ratio) * (self_compliance_[at(s)] * creep_state_[at(s)]);
+    return ((1.0 / coverage - 1.0) * creep_.decay / creep_.period_ratio) * (layer_compliance_[at(s)] * creep_state_[at(s)]);
   }
 
   /// Update the larger eigenvalue of a slot's self-compliance [m/N].
@@ -283,6 +294,7 @@ class PartialSlip {
     max_compliance_[at(s)] = max_compliance_[at(last)];
     coverage_[at(s)] = coverage_[at(last)];
     self_compliance_[at(s)] = self_compliance_[at(last)];
+    layer_compliance_[at(s)] = layer_compliance_[at(last)];
     creep_state_[at(s)] = creep_state_[at(last)];
     force_.segment<2>(2 * s) = force_.segment<2>(2 * last);
     lag_.segment<2>(2 * s) = lag_.segment<2>(2 * last);
@@ -304,8 +316,9 @@ class PartialSlip {
   std::array<double, capacity> cone_radius_{};     // mu f, N
   std::array<double, capacity> max_compliance_{};  // m/N
   std::array<double, capacity> coverage_{};
-  std::array<Eigen::Matrix2d, capacity> self_compliance_{};  // of fully covered patches, m/N
-  std::array<Eigen::Vector2d, capacity> creep_state_{};      // delayed force of each patch (see Creep), N
+  std::array<Eigen::Matrix2d, capacity> self_compliance_{};   // of fully covered patches, m/N
+  std::array<Eigen::Matrix2d, capacity> layer_compliance_{};  // part that the coverage divides, m/N
+  std::array<Eigen::Vector2d, capacity> creep_state_{};       // delayed force of each patch (see Creep), N
   Creep creep_;
   SlotVector force_ = SlotVector::Zero();                // q, N
   SlotVector lag_ = SlotVector::Zero();                  // lag of the node behind the tip, m

@@ -24,6 +24,7 @@ struct PatchWeights {
   std::vector<std::int32_t> begin;     ///< of each node in the two lists, n + 1
   std::vector<std::int32_t> vertices;  ///< network vertices
   std::vector<double> weights;
+  std::vector<Matrix3<>> compliance;  ///< static, of each node by itself, m/N; a partial coverage of its patch divides it
 };
 
 /// Masses, springs and dampers on vertices. One period h moves the vertices by d,
@@ -70,8 +71,10 @@ class MassSpringModel {  // NOLINT(clang-analyzer-optin.performance.Padding): on
     if (!factor_.positive_definite()) return;
     compute_response(nodes, system);
     for (std::int32_t i = 0; i < nodes.size(); ++i) {
-      inward_normals_.push_back(-nodes.normal(i));
-      tangent_bases_.push_back(nodes.tangent_basis(i));
+      const Vector3<>& normal = inward_normals_.emplace_back(-nodes.normal(i));
+      const auto& basis = tangent_bases_.emplace_back(nodes.tangent_basis(i));
+      layer_.push_back(normal.dot(patches_.compliance[index(i)] * normal));
+      tangential_layer_.emplace_back(basis.transpose() * patches_.compliance[index(i)] * basis);
     }
     force_change_.assign(inward_normals_.size(), Vector3<>::Zero());
     reset();
@@ -86,6 +89,9 @@ class MassSpringModel {  // NOLINT(clang-analyzer-optin.performance.Padding): on
     return static_cast<double>(compliance_[index(i) * inward_normals_.size() + index(j)]) *
            inward_normals_[index(i)].dot(inward_normals_[index(j)]);
   }
+
+  [[nodiscard]] double layer_compliance(std::int32_t i) const noexcept { return layer_[index(i)]; }
+  [[nodiscard]] Eigen::Matrix2d tangential_layer(std::int32_t i) const noexcept { return tangential_layer_[index(i)]; }
 
   [[nodiscard]] double free_displacement(std::int32_t i) const noexcept { return inward_normals_[index(i)].dot(patch_displacement(i)); }
 
@@ -348,6 +354,8 @@ class MassSpringModel {  // NOLINT(clang-analyzer-optin.performance.Padding): on
   SupernodalCholesky factor_;
   std::vector<Vector3<>> inward_normals_;                   // by node
   std::vector<Eigen::Matrix<double, 3, 2>> tangent_bases_;  // by node
+  std::vector<double> layer_;                               // by node: static compliance along the normal, m/N
+  std::vector<Eigen::Matrix2d> tangential_layer_;           // same in the tangent plane
   std::vector<float> response_;                             // nodes x free vertices: displacement in a period per unit force, m/N
   std::vector<float> compliance_;                           // nodes x nodes, m/N
   std::vector<PaddedVector> position_;                      // of all vertices, m

@@ -91,6 +91,10 @@ class Modal {
       static_response[at] = 1.0 / omega2_[at];
     }
     Compliance correction(nodes, full, tangential);  // compliance of the truncated modes
+    for (std::int32_t i = 0; i < nodes.size(); ++i) {
+      layer_.push_back(correction.compliance(i, i));
+      if (tangential) tangential_layer_.push_back(correction.tangential(i, i));
+    }
     const Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> phi(
         normal_shape_.data(), static_cast<Eigen::Index>(count_), static_cast<Eigen::Index>(stride_));
     for (std::size_t i = 0; i < count_; ++i)
@@ -105,7 +109,10 @@ class Modal {
       for_each_tangential_block(static_response, [&correction](std::int32_t i, std::int32_t j, const Eigen::Matrix2d& block) {
         correction.set_tangential(i, j, correction.tangential(i, j) - block);
       });
-    if (viscoelastic()) correction_ = StandardLinearSolid(correction, instantaneous_ratio, retardation_time, period);
+    if (viscoelastic()) {
+      correction_ = StandardLinearSolid(correction, instantaneous_ratio, retardation_time, period);
+      creep_ = correction_.creep();
+    }
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t j = 0; j < count_; ++j) {
         const auto a = static_cast<std::int32_t>(i), b = static_cast<std::int32_t>(j);
@@ -126,6 +133,13 @@ class Modal {
     const double moving = modal_displacement(i);
     return viscoelastic() ? moving + correction_.free_displacement(i) : moving;
   }
+
+  /// Static compliance of a node by itself, which a partial coverage of its patch divides, m/N; creeps as `creep()`.
+  [[nodiscard]] double layer_compliance(std::int32_t i) const noexcept { return creep_.period_ratio * layer_[static_cast<std::size_t>(i)]; }
+  [[nodiscard]] Eigen::Matrix2d tangential_layer(std::int32_t i) const noexcept {
+    return creep_.period_ratio * tangential_layer_[static_cast<std::size_t>(i)];
+  }
+  [[nodiscard]] const Creep& creep() const noexcept { return creep_; }
 
   [[nodiscard]] bool has_tangential() const noexcept { return !tangential_.empty(); }
   [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept { return tangential_(i, j); }
@@ -401,6 +415,9 @@ class Modal {
   std::array<Values, 12> transition_;  // by mode: next value, velocity and dashpot by value, velocity, dashpot and force
   std::array<Values, 3> state_;        // value, velocity, dashpot
   StandardLinearSolid correction_;     // static correction, if viscoelastic
+  Creep creep_;
+  std::vector<double> layer_;                      // by node: static compliance along the normal, m/N
+  std::vector<Eigen::Matrix2d> tangential_layer_;  // same in the tangent plane, or empty
 };
 
 }  // namespace palpate::deformable

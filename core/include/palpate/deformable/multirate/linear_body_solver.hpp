@@ -60,6 +60,7 @@ class LinearBodySolver {
         compliance_(static_cast<std::size_t>(nodes.size())),
         contact_(nodes, model_) {
     measure_compliance();
+    find_layer();
     contact_.reset();
   }
   template <class Make>
@@ -70,7 +71,7 @@ class LinearBodySolver {
   LinearBodySolver& operator=(LinearBodySolver&&) = delete;
   ~LinearBodySolver() = default;
 
-  [[nodiscard]] Contact make_contact() const { return Contact({nodes_, compliance_}); }
+  [[nodiscard]] Contact make_contact() const { return Contact({nodes_, compliance_, layer_}); }
   [[nodiscard]] std::unique_ptr<LinearBodySolver> clone_at_rest() const {
     return std::unique_ptr<LinearBodySolver>(new LinearBodySolver(*this, AtRest{}));
   }
@@ -128,6 +129,7 @@ class LinearBodySolver {
         model_(of.model_),
         look_ahead_(of.look_ahead_),
         compliance_(of.compliance_),
+        layer_(of.layer_),
         contact_(*nodes_, model_) {
     contact_.reset();
   }
@@ -153,6 +155,35 @@ class LinearBodySolver {
       }
     }
     look_ahead_.reset();
+  }
+
+  /// Find the compliance of each node that a partial coverage of its patch divides.
+  void find_layer() {
+    for (std::int32_t i = 0; i < nodes_->size(); ++i) {
+      if constexpr (requires { look_ahead_.layer_compliance(i); })
+        layer_.push_back(look_ahead_.layer_compliance(i));
+      else
+        layer_.push_back(compliance_.compliance(i, i));
+    }
+  }
+
+  /// Set the displacement of the patches of loaded nodes by their own forces, earlier and at the state, and its energy: the force at the
+  /// state by the coverages is then that of the contact.
+  void linearize_layer(LinearLocalModel& to) const {
+    const std::size_t count = layer_.size();
+    to.layer_free.assign(count, 0.0);
+    to.layer_free_energy.assign(count, 0.0);
+    to.layer_elastic.assign(count, 0.0);
+    for (int c = 0; c < contact_.last().nodes; ++c) {
+      const auto k = static_cast<std::size_t>(contact_.contact_nodes()[c]);
+      const double force = contact_.forces()[c];
+      to.layer_elastic[k] = layer_[k] * force;
+      if constexpr (requires { look_ahead_.creep(); }) {
+        const Creep creep = look_ahead_.creep();
+        to.layer_free[k] = layer_[k] / creep.period_ratio * creep.decay * contact_.creep_state(c);
+      }
+      to.layer_free_energy[k] = (0.5 * to.layer_elastic[k] + to.layer_free[k]) * force - contact_.coverage_energy(c);
+    }
   }
 
   /// Number of intervals to advance by. The first tick of a servo is one interval after the body was at rest.
@@ -208,6 +239,7 @@ class LinearBodySolver {
       to.lowest_elastic = std::min(to.lowest_elastic, elastic);
       to.lowest_free = std::min(to.lowest_free, to.free_displacement[k]);
     }
+    linearize_layer(to);
     to.compliance_ratio = 1.0;
     if constexpr (requires { model_.linear(); })
       if (look_ahead_steps_ > 1 && !model_.linear()) to.compliance_ratio = tangent_ratio(to, loaded, forces, loads);
@@ -237,7 +269,8 @@ class LinearBodySolver {
   int steps_;     // of an update
   int look_ahead_steps_;
   Model model_, look_ahead_;
-  Compliance compliance_;  // of the look-ahead, along the inward normals, m/N
+  Compliance compliance_;      // of the look-ahead, along the inward normals, m/N
+  std::vector<double> layer_;  // of each node: part of it that a partial coverage of its patch divides, m/N
   TipContact<Model> contact_;
   Tip last_tip_;  // of the last update
   long version_ = 0;

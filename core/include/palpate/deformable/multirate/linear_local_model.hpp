@@ -22,6 +22,9 @@ namespace palpate::deformable {
 struct LinearLocalModel {
   std::vector<double> free_displacement;     ///< of each node along its inward normal, without force, m
   std::vector<double> elastic_displacement;  ///< compliance times force at the state, C f0, m
+  std::vector<double> layer_free;            ///< of each node: displacement that a partial coverage of its patch divides, m
+  std::vector<double> layer_free_energy;     ///< energy stored in it, J
+  std::vector<double> layer_elastic;         ///< same displacement by the forces of the state, m
   double compliance_ratio = 1.0;             ///< of the tangent compliance at the state to C
   double lowest_free = 0.0;                  ///< lower bounds of both, m
   double lowest_elastic = 0.0;
@@ -44,6 +47,7 @@ class LinearLocalContact {
   struct Body {
     const SurfaceNodes* nodes = nullptr;  ///< must outlive the contact
     Compliance compliance;                ///< along the inward normals over the time to the use of a model, m/N
+    std::vector<double> layer;            ///< of each node: compliance that a partial coverage of its patch divides, m/N
   };
 
   explicit LinearLocalContact(const Body& body) : state_(std::make_unique<State>(body)) {}
@@ -86,14 +90,24 @@ class LinearLocalContact {
  private:
   /// The body until the next model, as required by TipContact.
   struct Held {
-    const Compliance* elastic;
+    const Body* body;
     const LinearLocalModel* model = nullptr;
     double remainder = 0.0;  // 1 - s, with the scale s of the compliance
 
-    [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept { return elastic->compliance(i, j); }
+    [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept { return body->compliance.compliance(i, j); }
+    [[nodiscard]] double layer_compliance(std::int32_t i) const noexcept { return body->layer[static_cast<std::size_t>(i)]; }
     [[nodiscard]] double free_displacement(std::int32_t i) const noexcept {
       const auto k = static_cast<std::size_t>(i);
       return model->free_displacement[k] + remainder * model->elastic_displacement[k];
+    }
+    [[nodiscard]] double layer_free_displacement(std::int32_t i) const noexcept {
+      const auto k = static_cast<std::size_t>(i);
+      return model->layer_free[k] + remainder * model->layer_elastic[k];
+    }
+    [[nodiscard]] double layer_free_energy(std::int32_t i) const noexcept {  // of forces scaled as those of the contact
+      const auto k = static_cast<std::size_t>(i);
+      const double elastic = model->layer_elastic[k];
+      return (1.0 - remainder) * (model->layer_free_energy[k] + 0.5 * remainder * elastic * elastic / body->layer[k]);
     }
     [[nodiscard]] bool group_free_displacement_at_least(std::size_t /*group*/, double value) const noexcept {
       return model->lowest_free + remainder * model->lowest_elastic >= value;
@@ -102,7 +116,7 @@ class LinearLocalContact {
     void reset() noexcept {}
   };
   struct State {
-    explicit State(const Body& of) : body(of), held{&body.compliance}, contact(*body.nodes, held) {}
+    explicit State(const Body& of) : body(of), held{&body}, contact(*body.nodes, held) {}
     Body body;
     Held held;
     TipContact<Held> contact;

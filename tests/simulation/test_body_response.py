@@ -132,6 +132,7 @@ class Relaxing:
         4,
         None,
     )
+    relaxation = 0.0
 
     def __init__(self, decay: float) -> None:
         self.decay, self.ticks, self.state = decay, 0, np.zeros(3)

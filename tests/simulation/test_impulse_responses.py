@@ -23,6 +23,7 @@ class Body:
     def __init__(self, a: float = 0.6, c: float = 200.0, square: float = 0.0, **values: Any) -> None:
         self.frame, self.radius, self.period, self.nodes = FRAME, 4e-3, T, 7
         self.rounds, self.memoryless, self.friction, self.core = False, c == 0.0, False, None
+        self.relaxation = 0.0
         self.a, self.square = a, square
         self.direct = np.array([[900.0, 50.0, 0.0], [40.0, 500.0, -20.0], [0.0, 10.0, 400.0]])
         self.late = c * np.diag([1.0, 0.5, 0.25])

@@ -205,6 +205,7 @@ class Coupled:
     """A tip whose force is a linear system of its displacement about which opposite answers differ by a share."""
 
     radius, period, friction, rounds, nodes, core, ticks = 0.01, PERIOD, False, True, 4, None, 0
+    relaxation = 0.0
 
     def __init__(self, seed: int, size: int = 3, memoryless: bool = False, odd: float = 0.0) -> None:
         rng = np.random.default_rng(seed)
@@ -734,7 +735,7 @@ def test_every_number_of_a_linear_law_is_as_recorded(name: str) -> None:
 
 @pytest.mark.parametrize("normalizes", [False, True])
 @pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_the_loop_of_a_rest_on_a_mesh_depends_on_the_last_sample_alone(normalizes: bool, friction: float) -> None:
+def test_the_loop_of_a_rest_on_a_mesh_depends_on_the_last_fifth_alone(normalizes: bool, friction: float) -> None:
     """All samples before are those of another place; only the pose of the start counts besides."""
     press = {"rest": ["0 mm", "0 mm", "0 mm"], "shape": "ramp", "rise": "50 ms", "force": ["0 N", "0 N", "-0.3 N"]}
     cube = {
@@ -756,7 +757,7 @@ def test_the_loop_of_a_rest_on_a_mesh_depends_on_the_last_sample_alone(normalize
     assert (reason == "nothing holds the tip along the surface of the mesh") is (friction == 0.0)
     channels = {name: replace(one, values=one.values.copy()) for name, one in trace.channels.items()}
     for one in channels.values():
-        one.values[1:-1] = 3.0 * one.values[1:-1] + 0.1
+        one.values[1:400] = 3.0 * one.values[1:400] + 0.1
     assert contact_radius(replace(trace, channels=channels), scenario) == (radius, reason)
     if friction:
         assert radius == pytest.approx(0.995839262 if normalizes else 0.99528748, rel=1e-6)

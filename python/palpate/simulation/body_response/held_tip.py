@@ -10,7 +10,7 @@ from palpate import _core
 from palpate.arrays import Array
 from palpate.errors import StabilityError
 from palpate.scenario import Scenario
-from palpate.scenario.body import LARGE
+from palpate.scenario.body import LARGE, BodyChoice
 from palpate.simulation.bodies import origin_of, scenario_body
 from palpate.simulation.support_phase import support_phase
 from palpate.simulation.tool_motion import last_motion, step_body
@@ -40,6 +40,8 @@ class HeldTip:
         frame: axes of the contact in columns (3, 3): the normal, out of the body and against the force, and two
             across.
         friction: whether the body has dry friction.
+        relaxation: time constant, in ticks, of the force under a tip held still on a body that relaxes without inertia
+            or friction; 0 for other bodies.
         holds_across: whether the contact may resist motions across its normal: by friction, or by several contact
             points.
         ticks: number of ticks since the body was at rest and free.
@@ -97,6 +99,7 @@ class HeldTip:
         self.core.reset()
         self.ticks = 0
         self.friction = body.kind.friction[0] > 0.0
+        self.relaxation = relaxation_of(choice, scenario.period)
         self.holds_across = self.friction or len(choice.contact_points) > 1
         every_tick = self.friction or self.multirate or self._by_distance or choice.supports is not None
         kept = positions if every_tick else _thin(positions, choice.radius)
@@ -184,6 +187,13 @@ def check_solved(rows: Array, under: str, share: float = 0.0) -> None:
     raise StabilityError(
         f"the contact of the body is not solved in each tick, or too many nodes lie under {under}, or a coarser mesh"
     )
+
+
+def relaxation_of(choice: BodyChoice, period: float) -> float:
+    """Return `HeldTip.relaxation` of a body that is stepped once per period, s."""
+    if choice.kind != "viscoelastic" or choice.options.get("static_friction", 0.0) > 0.0:
+        return 0.0
+    return float(choice.options["retardation_time"]) / float(choice.options["instantaneous_ratio"]) / period
 
 
 def contact_frame(normal: Array) -> Array:

@@ -8,7 +8,7 @@ from scipy.linalg import block_diag
 
 from palpate.arrays import Array
 from palpate.errors import StabilityError
-from palpate.simulation.body_response.held_tip import BLOCK, NODES, HeldTip, check_solved, contact_frame
+from palpate.simulation.body_response.held_tip import BLOCK, NODES, HeldTip, check_solved, contact_frame, relaxation_of
 from palpate.simulation.shared_body import SharedBody
 
 __all__ = ["HeldTips"]
@@ -38,6 +38,9 @@ class HeldTips(HeldTip):
         self.size = 3 * len(shared.radii)
         self.radius, self.period, self.every = float(shared.radii.min()), shared.scenarios[0].period, 1
         self.friction, self.holds_across, self.ticks = shared.friction, True, 0
+        choice = shared.scenarios[0].object.body
+        assert choice is not None
+        self.relaxation = relaxation_of(choice, self.period)
         self.core.reset()
         self._step(paths)
         self._ends = paths[-1]

@@ -22,6 +22,7 @@ __all__ = ["realize"]
 
 _DENSE, _SPARSE = 24, 40  # offsets in succession, and geometric ones after them
 _ORDERS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 15, 18, 22, 26, 32, 40, 48, 64)
+_BLOCK = 64  # powers of a that are multiplied at once
 _ACCURATE = 1e-5  # error relative to the sum of the Markov parameters at which the order suffices
 
 
@@ -84,10 +85,7 @@ def _error(markov: Array, a: Array, b: Array, c: Array) -> Array:
     values, vectors = np.linalg.eig(a)
     if np.abs(values).max() >= 1.0:
         return np.full(markov.shape[1:], np.inf)
-    state, answers = b, np.empty_like(markov[1:])
-    for k in range(len(answers)):
-        answers[k] = c @ state
-        state = a @ state
+    answers, state = _impulse_response(a, b, c, len(markov) - 1)
     try:
         modes = np.linalg.solve(vectors, state.astype(complex))
     except np.linalg.LinAlgError:
@@ -98,3 +96,18 @@ def _error(markov: Array, a: Array, b: Array, c: Array) -> Array:
     level = max(float(size[last].sum()), 1e-300)
     doubt = min(4.0 * float(difference[last].sum()) / level, 1.0) if after.sum() <= 4.0 * level else 1.0
     return np.asarray(difference.sum(axis=0) + doubt * after, dtype=float)
+
+
+def _impulse_response(a: Array, b: Array, c: Array, ticks: int) -> tuple[Array, Array]:
+    """Return c a^k b for so many k from 0 on, and a^ticks b. Blocks of powers save calls."""
+    block = np.empty((min(_BLOCK, ticks), *b.shape))
+    state = b
+    for k in range(len(block)):
+        block[k] = state
+        state = a @ state
+    answers, power = np.empty((ticks, len(c), b.shape[1])), np.linalg.matrix_power(a, len(block))
+    for begin in range(0, ticks, len(block)):
+        answers[begin : begin + len(block)] = (c @ block)[: ticks - begin]
+        last, block = block, power @ block
+    used = (ticks - 1) % len(last)
+    return answers, a @ last[used]

@@ -13,6 +13,7 @@ from palpate.arrays import Array
 from palpate.errors import StabilityError
 from palpate.simulation.body_response.held_tip import HeldTip
 from palpate.simulation.body_response.realization import realize
+from palpate.simulation.body_response.relaxation import relaxation_record
 
 __all__ = ["BodyResponse", "body_response"]
 
@@ -24,6 +25,7 @@ _CONSTANT = 0.98  # level of the last quarter, relative to the one before, that 
 _WINDOW = 16  # ticks over which the level of the noise is compared
 _ROUNDING = 5e-6  # change of the force left by the contact's iterations after a displacement, relative
 _KNOWN, _UNKNOWN = 0.02, 0.1  # difference from a lasting displacement's force: measured again above; refused above
+_LASTING_STEPS = (2e-3, 5e-4, 1e-2)  # displacements of the tip that last, relative to its radius
 _LASTING = 4 * _LONGEST  # ticks for which a displacement is held that tests the static response
 
 
@@ -84,6 +86,8 @@ def body_response(held: HeldTip) -> BodyResponse:
     Raises:
         StabilityError: the response does not decay while the tip is held.
     """
+    if held.relaxation > 0.0 and held.rounds:
+        return _relaxing_response(held)
     step = _choose_step(held)
     response = _response(held, step)
     if held.memoryless or held.friction or not held.rounds:
@@ -118,6 +122,34 @@ def _response(held: HeldTip, step: float) -> BodyResponse:
     odd = np.abs(difference).sum(axis=0)
     asymmetry = float(odd.sum() / np.abs(mean).sum())
     return BodyResponse(held.frame, system, mean, error + odd + tail, asymmetry, held.nodes)
+
+
+def _relaxing_response(held: HeldTip) -> BodyResponse:
+    """Return the response of a body that relaxes without inertia, from the displacement whose response is surest.
+
+    Raises:
+        StabilityError: its error is above a tenth of the response.
+    """
+    found: list[BodyResponse] = []
+    for relative in _LASTING_STEPS:
+        try:
+            mean, odd, left = relaxation_record(held, relative * held.radius)
+        except StabilityError:  # a large step may lose the contact; it is the last one
+            if not found:
+                raise
+            continue
+        system, error = realize(mean, held.period)
+        asymmetry = float(odd.sum() / np.abs(mean).sum(axis=0).sum())
+        found.append(BodyResponse(held.frame, system, mean, error + odd + left, asymmetry, held.nodes))
+        if found[-1].error.max() <= _KNOWN * np.abs(mean).sum(axis=0).max():
+            break
+    best = min(found, key=lambda one: float(one.error.max()))
+    if best.error.max() > _UNKNOWN * np.abs(best.markov).sum(axis=0).max():
+        raise StabilityError(
+            f"the body's response to a displacement of the tip was not found: its error is {best.error.max():.3g} N/m; "
+            "give a shorter retardation_time, or judge the run"
+        )
+    return best
 
 
 def _lasting(held: HeldTip, step: float) -> Array:

@@ -217,10 +217,8 @@ def test_a_wrong_object_is_refused() -> None:
         contact_stability(simulate(Scenario.from_dict(wall)))
 
 
-@pytest.mark.parametrize(("time", "known"), [("0.1 s", True), ("0.5 s", True), ("2 s", False), ("5 s", False)])
-def test_the_static_stiffness_of_a_relaxing_body_does_not_depend_on_its_time_or_is_refused(
-    time: str, known: bool, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("time", ["20 ms", "0.1 s", "0.5 s", "2 s", "5 s"])
+def test_the_static_stiffness_of_a_relaxing_body_does_not_depend_on_its_time(time: str, tmp_path: Path) -> None:
     """By signed distance each displacement leaves a constant, whose sum over a slow response was half its stiffness."""
     path = tmp_path / "block.h5"
     fem.build(fem.block((0.04, 0.04, 0.02), 0.004), young=10e3, fixed="z < 0.1 mm", touch="z > 19.9 mm", output=path)
@@ -241,10 +239,6 @@ def test_the_static_stiffness_of_a_relaxing_body_does_not_depend_on_its_time_or_
         },
         "run": {"duration": "4 s"},
     })  # fmt: skip
-    if not known:
-        with pytest.raises(StabilityError, match="shorter retardation_time"):
-            contact_stability(trace)
-        return
     depth = trace["tip"][0, 2] - trace["tip"][-1, 2]
     body = fem.load(path).signed_distance()
     soft, stiff = (body.indent([0.02] * 3, 8e-3, depth + step).force[2] for step in (-5e-5, 5e-5))

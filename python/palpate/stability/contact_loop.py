@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import control
@@ -55,8 +55,9 @@ class ContactStability:
             hyperelastic body has no "Nyquist": its loop is the map over one update of its model.
         doubt: error of the body's response times the loop's largest gain; below 1 it changes no verdict.
         stiffness_margin: factor on the force of the body at which the loop oscillates; inf: none up to 10,000; nan: it
-            is unstable. Without friction it is that of motions along `normal`: across it the force turns with the
-            contact, which a stiffer body does not change.
+            is unstable. Without friction it is that of motions along `normal`.
+        slide_margin: the same at which the loop becomes unstable in any direction, without friction: the force, larger
+            at the same depth, turns with the contact and pushes the tip aside. inf where motions across are not tested.
         loop: the loop that was tested.
     """
 
@@ -70,6 +71,7 @@ class ContactStability:
     doubt: float
     stiffness_margin: float
     loop: BodyLoop | MultirateLoop = field(repr=False)
+    slide_margin: float = float("inf")
 
     @property
     def state(self) -> State:
@@ -158,6 +160,8 @@ def contact_at(
     alone = loop
     if len(loop.normal) > 1 and not held.holds_across:
         alone = loop.along_normal(device_loop(scenario, trace, row, normal, False, controller).path)
+        if isinstance(loop, BodyLoop) and loop.radius() < 1.0:
+            return replace(judge(loop, alone, response, depth), slide_margin=stiffness_margin(loop.radius))
     return judge(loop, alone, response, depth)
 
 

@@ -34,6 +34,7 @@ _NEVER = (
     "the tip does not touch the body in the run; move the body (object.position) to where its surface is not held, or "
     "press longer (run.duration)"
 )
+_FIRST = 0.999  # ratio of two margins below which the lower one counts as another
 _DECAYS = 4.0  # time constants of the slowest motion for which the run is watched
 
 
@@ -238,8 +239,11 @@ def _verdict(found: _Findings) -> Verdict:
         return Verdict(State.UNDECIDED, f"{linear} But {found.untested}.")
     about = linear[0].upper() + linear[1:]
     least = min(one.stiffness_margin for one in (rest, *found.depths))
-    factor = "of any stiffness" if math.isinf(least) else f"{least:.4g} times as stiff"
-    sentence = f"the body may be {factor} at every depth tested before the loop oscillates. {about}"
+    slide = min(one.slide_margin for one in (rest, *found.depths))
+    factor = "of any stiffness" if math.isinf(min(least, slide)) else f"{min(least, slide):.4g} times as stiff"
+    slides = "the tip slides across the contact, which has no friction"
+    end = slides if slide < _FIRST * least else "the loop oscillates"
+    sentence = f"the body may be {factor} at every depth tested before {end}. {about}"
     if sliding := [f"{1e3 * one.depth:.3g}" for one in found.depths if _slides(one)]:
         sentence += f" Held at {', '.join(sliding)} mm, the tip would slide across the contact, which has no friction."
     return Verdict(State.STABLE, sentence)
@@ -282,6 +286,8 @@ def _margins(found: _Findings) -> dict[str, float]:
     if rest.radius >= 1.0:
         return margin
     margin["gain_margin"] = rest.stiffness_margin
+    if rest.slide_margin < _FIRST * rest.stiffness_margin:
+        margin["slide_margin"] = rest.slide_margin
     if found.depths and all(one.radius < 1.0 or _slides(one) for one in found.depths):
         margin["least_gain_margin_of_depths"] = min(one.stiffness_margin for one in found.depths)
     if isinstance(rest.loop, BodyLoop):

@@ -549,7 +549,7 @@ def test_a_tip_off_its_object_in_the_last_hundredth_alone_is_off_it_now_and_then
         touching[21:30] = touching[off + 1 :] = 0.0
         found, reason = _lost(Trace.of(T * np.arange(101), {"touching": touching}), 0.25)
         assert found == pytest.approx(since)
-        assert ("25 % of the time since the first contact" in reason) is (off > 98)
+        assert ("25 % of the time since the contact is established" in reason) is (off > 98)
 
 
 def test_a_run_of_two_samples_with_a_fixed_tip_is_judged() -> None:

@@ -237,7 +237,7 @@ def test_a_loop_on_a_body_is_judged_only_if_the_doubt_about_its_response_does_no
     monkeypatch.setattr(linear_contact, "body_response", lambda _: SimpleNamespace(asymmetry=asymmetry, system=system))
     monkeypatch.setattr(linear_contact, "_radius", radius)
     loops: list[dict[str, Any]] = []
-    monkeypatch.setattr(linear_contact, "_loop", lambda _trace, _scenario, spring: loops.append(spring))
+    monkeypatch.setattr(linear_contact, "_loop", lambda _trace, _scenario, _row, spring: loops.append(spring))
     run = Trace.of([0.0, 1.0], {"tip": np.zeros((2, 3)), "touching": np.ones(2)})
     found, reason = linear_contact.contact_radius(run, scenario)
     assert (found is None) is bool(said)

@@ -31,7 +31,7 @@ __all__ = ["summarize"]
 
 AXES = ("x", "y", "z")
 MAX_INITIAL_DEPTH = 1e-4  # m, penetration at the start above which the summary mentions it
-OTHER = 0.2  # relative difference of two depths above which both are stated
+OTHER = 0.02  # relative difference of two depths above which both are stated
 LEAST_DEFLECTION = 1e-6  # m, steady deflection of an axis below which its transient is of no interest
 
 
@@ -267,7 +267,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     if found.unsolved and UNFOUND not in trace.verdict.reason:
         text += f"; {unfound(_samples(found.unsolved))}"
     if found.contact_lost:
-        text += f"; in {_samples(found.contact_lost)} the contact was lost: the tip was pushed through the body"
+        text += f"; in {_samples(found.contact_lost)} the tip is in the body without contact"
     return [text, *_began(_initial_depth(trace), "body")]
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from palpate.fem import Body
 
 Tell = Callable[[str, float], None]
+_FEW = 3  # nodes of a body that stands for a spring: its extent tells nothing of a tip
 _MAKING = 3  # version of the construction; a new one invalidates cached bodies
 
 
@@ -193,8 +194,8 @@ def place_body(scenario: Scenario, origin: Array) -> tuple[Body, Array, Array]:
         The body, the origin of its frame (3,), m, and its rotation (3, 3), body frame to device frame.
 
     Raises:
-        ScenarioError: the body cannot be read or built, does not have the kind, or contains the whole tip at the
-            start.
+        ScenarioError: the body cannot be read or built, does not have the kind, is smaller than the tip, or contains
+            the whole tip at the start.
     """
     choice = scenario.object.body
     assert choice is not None
@@ -202,13 +203,16 @@ def place_body(scenario: Scenario, origin: Array) -> tuple[Body, Array, Array]:
         late = f"the change at {choice.supports[-1].at:g} s comes after the run of {scenario.run.duration:g} s"
         raise scenario.mistake("object.body.supports", late)
     body = scenario_body(scenario)
-    _check_start(scenario, choice, body)
+    _check_tip(scenario, choice, body)
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
     return body, origin - turn @ origin_of(choice, body), turn
 
 
-def _check_start(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
-    """Raise ScenarioError if the tip starts so deep in the body that it does not reach the surface."""
+def _check_tip(scenario: Scenario, choice: BodyChoice, body: Body) -> None:
+    """Raise ScenarioError if the tip is larger than the body, or starts so deep that it does not reach the surface."""
+    if choice.radius > body.extent and len(body.nodes) > _FEW:
+        large = f"{choice.radius:g} m exceeds the body's extent of {body.extent:.3g} m: use a smaller tip"
+        raise scenario.mistake("object.body.radius", large)
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
     start = origin_of(choice, body) - turn.T @ np.array(scenario.object.position)
     beside = 0.5 * float(np.sqrt(body.contents.areas.max())) if choice.tip == "flat" else 0.0

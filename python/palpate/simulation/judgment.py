@@ -98,6 +98,9 @@ def _fixed(trace: Recorded, scenario: Scenario) -> Verdict:
     if float(trace["saturated"][window.ending].mean()) > SHARE:
         since, reason = _limited(trace, window)
         return Verdict(State.DRIVE_LIMIT, reason, since)
+    if pushed_through(trace) is not None:
+        lost, reason = _lost(trace, 0.0)
+        return Verdict(State.CONTACT_LOST, reason, lost)
     command = trace["command_force"][window.ending]
     change, largest = float(np.ptp(command, axis=0).max()), float(np.linalg.norm(trace["object_force"], axis=1).max())
     if not np.isfinite(change) or change > BAND * max(largest, 1e-12):
@@ -299,10 +302,13 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
         return pushed, f"{tip} is pushed through the body at t = {pushed:.4g} s, and off it at the end"
     if touching[-1] >= 0.99 * (len(trace.time) - 1):
         first = touching[np.flatnonzero(np.diff(touching) > 1)[0]] if np.any(np.diff(touching) > 1) else touching[-1]
-        share = f"{100 * apart:.3g} % of the time since the first contact"
+        share = f"{100 * apart:.3g} % of the time since the contact is established"
         return float(trace.time[first]), f"the tip is off the object in {share}, under a force that presses it on"
-    since = float(trace.time[touching[-1]])
-    return since, f"the tip is off the object from t = {since:.4g} s on, under a force that presses it on"
+    since, why = float(trace.time[touching[-1]]), "under a force that presses it on"
+    forces = [trace[name][-1] for name in ("reference_force", "operator_force") if name in trace]
+    if len(forces) == 2 and np.linalg.norm(sum(forces)) <= BAND * np.linalg.norm(forces[0]):
+        why = "where the arm holds it against the reference that presses it on: give more force or a softer arm"
+    return since, f"the tip is off the object from t = {since:.4g} s on, {why}"
 
 
 def _unsupported(trace: Recorded, scenario: Scenario | None) -> str | None:

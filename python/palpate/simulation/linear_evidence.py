@@ -14,7 +14,7 @@ from palpate.scenario import Scenario
 from palpate.scenario.guard import Guard
 from palpate.simulation.admittance import display_matrix
 from palpate.simulation.equivalent_spring import as_spring
-from palpate.simulation.linear_contact import contact_radius
+from palpate.simulation.linear_contact import contact_radius, swings_in_place
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.recorded import Recorded, held_tip
 
@@ -172,9 +172,9 @@ def _by_formula(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None
 
 
 def _contact(trace: Recorded, scenario: Scenario) -> tuple[LinearRadii | None, str]:
-    """Return the spectral radius about the contact with a mesh or body where a run rests, or None and the reason."""
+    """Return the spectral radius about the contact with a mesh or body where a run rests or swings, or None and why."""
     rests, reason = _rests(trace, scenario)
-    if not rests:
+    if not rests and not (reason and swings_in_place(trace)):
         return None, reason
     radius, reason = contact_radius(trace, scenario)
     return (None if radius is None else LinearRadii(radius, None)), reason

@@ -30,6 +30,8 @@ __all__ = [
 STILL = 1e-14  # m, second differences of tip positions at rounding level
 GROWING = 1.02  # growth factor of an oscillation per fifth of the window above which it grows
 SUSTAINED = 0.9  # the same below which it decays; the maxima of endless impacts scatter by a tenth
+STEADILY = 0.5  # share of the mean rate of decay, or its inverse, within which an oscillation decays steadily
+COUNTED = 5.0  # of two encoder counts: oscillation above which counts do not bound its decay
 IMPACT_GROWTH = 1.5  # growth factor that irregular impacts may have without growing
 SMALL = 1e-9  # m, likewise
 BAND = 0.05  # of the deflection: a settled loop stays within it, and this near to force over stiffness
@@ -50,7 +52,7 @@ TRAVEL = 3.0  # range of the motion over its oscillation above which the tip tra
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
 PERSISTS, MOST = 0.3, 0.9  # share of the response to a push that counts as persistent; the same near the limit
 SLOWER = 3.0  # factor on what the linear loop's slowest motion keeps, above which a response persists
-APART = 0.05  # fraction of the run off the object, though pressed, above which contact counts as lost
+APART = 0.05  # share of the time since contact is established off the object, though pressed: contact is lost above
 SHARE = 0.01  # fraction of the last fifth at the drive's limits above which the drive limits the loop
 GENERATED = 0.01  # of the energy that the operator supplies: a display that generates more in a fifth does not rest
 
@@ -171,7 +173,7 @@ class Evidence:
         creep: way that a creeping body has left at most, m; 0 without one.
         touching: fraction of the last fifth in contact.
         contacts: number of contacts that begin in the last fifth.
-        apart: fraction of the run since the first contact in which the tip is off the object though it is pressed on.
+        apart: share of the time since contact is established in which the tip is off the object though pressed on.
         saturated: fraction of the last fifth at the drive's limits.
         pressed: whether the external force presses the tip against a one-sided object.
         beyond: whether a joint is beyond its limits, has turned round, the pose is singular, or force over stiffness is
@@ -376,7 +378,12 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     lasting = np.where(np.isnan(e.decay), 0.0, np.minimum(e.decay, 1.0)) ** 4
     persists = e.kept > np.clip(SLOWER * lasting, PERSISTS, MOST)
     impact = (e.contacts >= 1) & (mean < SUSTAINED)  # its bounces decay, if not from each fifth to the next
-    swings = bounces | persists | (~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays & ~impact)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        decay = np.log(ratio) / np.log(mean)  # of the last fifth over the mean
+    falls = (mean < 1.0 / GROWING) & (decay > STEADILY) & (decay < 1.0 / STEADILY)
+    falls &= (e.linear >= 0) & (e.contacts == 0) & (e.swing > COUNTED * e.resolution)
+    sustained = ~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays & ~impact
+    swings = bounces | persists | (sustained & ~falls)
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     # where contact slips, encoder counts move the tip on more slowly than the linear loop decays
@@ -386,7 +393,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     rests &= stable | ~(e.ripple_before > BEFORE * band)  # a turning point of a slow motion looks like rest
     rests &= stable | ~generates(e)
     rests &= stable | ~chatters(e)
-    rests &= ~slips(e)
+    rests &= ~slips(e) & ~sustained
     state = np.select(
         [
             unstable,

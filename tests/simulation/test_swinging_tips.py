@@ -1,0 +1,93 @@
+"""Verdicts of tips that still swing on a body, whose contact changes within the swing, and of tips that are held."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import simulate
+from palpate.errors import ScenarioError
+from palpate.simulation.verdict import State
+from palpate.stability import certify
+
+POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
+
+
+def tables(body: dict[str, Any], position: list[str], operator: dict[str, Any], **more: Any) -> dict[str, Any]:
+    block = {"shape": "block", "size": ["40 mm", "40 mm", "20 mm"], "young": "100 kPa", "spacing": "5 mm"}
+    return {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": POSE},
+        "servo": {"topology": "impedance_display", "period": "1 ms"},
+        "operator": operator,
+        "object": {"kind": "body", "position": position, "body": {**block, "radius": "6 mm", **body}},
+        **more,
+    }
+
+
+def arm(mass: float, damping: float, stiffness: float, force: list[float], **shape: str) -> dict[str, Any]:
+    return {
+        "kind": "arm", "mass": f"{mass} kg", "damping": f"{damping} N*s/m", "stiffness": f"{stiffness} N/m",
+        "force": [f"{one} N" for one in force], **(shape or {"shape": "ramp", "rise": "0.1 s"}),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("duration", [1.0, 2.0, 2.2, 3.0])
+def test_a_swing_that_decays_is_never_unstable_where_the_contact_is_stiffer_at_its_deep_end(duration: float) -> None:
+    """The rest has one node in contact and a stable loop, the deep half of the swing two and an unstable one."""
+    hand = arm(0.0875786, 1.76573, 225.988, [-0.0248473, -0.0509004, -0.392516])
+    place = ["-2.52215 mm", "-2.44908 mm", "-6.86968 mm"]
+    body = {"stiffness_scale": 18.489271198505094, "kind": "signed_distance"}
+    verdict = simulate(tables(body, place, hand, run={"duration": f"{duration} s"})).verdict
+    assert verdict.state in (State.UNDECIDED, State.SETTLED)
+
+
+@pytest.mark.parametrize("duration", [1.5, 2.0, 3.0])
+def test_a_slow_decay_is_no_sustained_oscillation(duration: float) -> None:
+    """It falls by 6 to 7 % per fifth of 2 s, and its certificate is stable."""
+    hand = arm(0.217137, 0.127218, 183.128, [-0.0602073, 0.0621646, -0.627478])
+    body = {"stiffness_scale": 0.3829488835369319, "kind": "compliance", "tip": "flat"}
+    place = ["-3.13396 mm", "-1.95915 mm", "-0.421313 mm"]
+    verdict = simulate(tables(body, place, hand, run={"duration": f"{duration} s"})).verdict
+    assert verdict.state in (State.UNDECIDED, State.SETTLED)
+
+
+def test_a_fixed_tip_that_begins_inside_a_body_without_contact_is_off_it() -> None:
+    body = {"kind": "signed_distance"}
+    trace = simulate(tables(body, ["0 mm", "0 mm", "4 mm"], {"kind": "fixed"}, run={"duration": "0.1 s"}))
+    assert not trace["object_force"].any()
+    assert trace.verdict.state is State.CONTACT_LOST
+    assert "starts inside the body" in trace.verdict.reason
+
+
+def test_a_tip_larger_than_its_body_is_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"exceeds the body's extent of 0\.06 m: use a smaller tip"):
+        simulate(tables({"radius": "1 m"}, ["0 mm", "0 mm", "-1 m"], {"kind": "fixed"}, run={"duration": "0.1 s"}))
+
+
+def test_a_certificate_gives_the_factor_at_which_the_tip_slides_aside() -> None:
+    """A body so many times as stiff, pressed as deep at the same place: the tip stays below it and leaves above it."""
+    scale, force = 0.4613834638790022, np.array([0.0147043581, -0.197345748, -1.10244366])
+    place = ["7.87688389e-05 m", "-0.00105714887 m", "-0.00381137095 m"]
+
+    def loop(factor: float, duration: float) -> dict[str, Any]:
+        hand = arm(0.248101, 5.07065, 256.605, list(pull(factor)), shape="step")
+        stiff = {"kind": "compliance", "stiffness_scale": factor * scale}
+        found = tables(stiff, place, hand, run={"duration": f"{duration} s"})
+        return {**found, "servo": {"topology": "impedance_display", "period": "2 ms"}}
+
+    def pull(factor: float) -> np.ndarray[Any, Any]:  # the arm's share stays, the body's is scaled
+        return force if factor == 1.0 else force + (factor - 1.0) * held
+
+    at_rest = simulate({**tables({"kind": "compliance", "stiffness_scale": scale}, place,
+                                 arm(0.248101, 5.07065, 256.605, list(force), shape="step"), run={"duration": "4 s"}),
+                        "servo": {"topology": "impedance_display", "period": "2 ms"}})  # fmt: skip
+    held = at_rest["object_force"][-1]
+    found = certify(loop(1.0, 4.0))
+    assert found.verdict.state is State.STABLE
+    assert "slides across" in found.verdict.reason
+    margin = found.margin["slide_margin"]
+    for share, leaves in ((0.9, False), (1.1, True)):
+        tip = simulate(loop(share * margin, 20.0))["tip"]
+        assert (float(np.linalg.norm(tip[-1] - at_rest["tip"][-1])) > 5e-4) is leaves

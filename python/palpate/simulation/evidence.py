@@ -15,7 +15,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.energy_balance import energy_balance, own_motions
 from palpate.simulation.friction_hold import arm_spring, friction_hold, friction_of
 from palpate.simulation.linear_evidence import linear_sign
-from palpate.simulation.recorded import Recorded, held_tip, of_each_object
+from palpate.simulation.recorded import Recorded, held_tip, of_each_object, without_trend
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
 from palpate.simulation.verdict import BAND, FLOOR, Evidence
 from palpate.simulation.windows import Window
@@ -242,9 +242,7 @@ def swing(time: Array, tip: Array) -> float:
     """Return half the range of the tip (n, 3) without its quadratic trend in time (n,), m, largest of the axes."""
     if len(time) < 8:
         return float(np.ptp(tip, axis=0).max(initial=0.0)) / 2.0
-    x = np.linspace(-1.0, 1.0, len(time))
-    basis = np.linalg.qr(np.vander(x, 3))[0]
-    return float(np.ptp(tip - basis @ (basis.T @ tip), axis=0).max()) / 2.0
+    return float(np.ptp(without_trend(tip), axis=0).max()) / 2.0
 
 
 def _shifts(tip: Array, window: Window, late: float, amplitude: float) -> dict[str, float]:

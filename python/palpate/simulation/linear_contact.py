@@ -18,7 +18,7 @@ from palpate.simulation.controllers import build_controller
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.meshes import mesh_origin, touched_mesh
 from palpate.simulation.proxy_law import ProxyProbe
-from palpate.simulation.recorded import Recorded
+from palpate.simulation.recorded import Recorded, without_trend
 from palpate.simulation.verdict import FLOOR, SWING
 
 __all__ = ["contact_radius", "swings_in_place"]
@@ -38,14 +38,14 @@ HELD = Lock()  # cells of a sweep share the core of a body
 def contact_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, str]:
     """Return the spectral radius of the loop in the contact mode in which a run rests, or None and the reason.
 
-    A tip that still swings passes other contact modes. The loop is then that at the ends of its swing too: the largest
-    radius counts, and none if they lie on both sides of 1.
+    A tip that still swings passes other contact modes. The loop is then that in the middle and at the ends of its
+    swing: the largest radius counts, and none if they lie on both sides of 1.
 
     Args:
         trace: of a run that rests in contact.
         scenario: its object is a mesh or a body.
     """
-    rows = _ends_of_swing(trace)
+    rows = _places(trace)
     if not trace["touching"][-1, 0]:
         return None, "the tip is off the object"
     if not trace["touching"][rows, 0].all():
@@ -65,7 +65,7 @@ def contact_radius(trace: Recorded, scenario: Scenario) -> tuple[float | None, s
         return None, str(problem)
     if min(radii) < 1.0 <= max(radii):
         return None, (
-            "the tip still swings, and the loop is stable at one end of its swing and unstable at the other (spectral "
+            "the tip still swings, and the loop is stable in a part of its swing and unstable in another (spectral "
             f"radius {min(radii):.6g} and {max(radii):.6g})"
         )
     return max(radii), ""
@@ -77,23 +77,22 @@ def swings_in_place(trace: Recorded) -> bool:
     return float(np.ptp(trend, axis=0).max()) <= IN_PLACE * float(np.ptp(swing, axis=0).max())
 
 
-def _ends_of_swing(trace: Recorded) -> list[int]:
-    """Return the last sample, and those at both ends of the oscillation in the last fifth of a run if it counts."""
+def _places(trace: Recorded) -> list[int]:
+    """Return the last sample, or the middle and the ends of the oscillation in the last fifth of a run if it counts."""
     last, (swing, _) = len(trace.time) - 1, _late_motion(trace)
     along = swing @ np.linalg.svd(swing, full_matrices=False)[2][0]
     deflection = trace["deflection"][-1] if "deflection" in trace else trace["tip"][-1] - trace["tip"][0]
     if np.ptp(along) <= 2.0 * max(SWING * float(np.linalg.norm(deflection)), FLOOR):
         return [last]
     begin = last + 1 - len(swing)
-    return [last, begin + int(np.argmin(along)), begin + int(np.argmax(along))]
+    return [begin + int(found) for found in (np.argmin(np.abs(along)), np.argmin(along), np.argmax(along))]
 
 
 def _late_motion(trace: Recorded) -> tuple[Array, Array]:
     """Return the oscillation and the quadratic trend (n, 3) of the tip in the last fifth of a run, m."""
     late = trace["tip"][-max(len(trace.time) // 5, 4) :]
-    basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(late)), 3))[0]
-    trend = basis @ (basis.T @ late)
-    return late - trend, trend
+    swing = without_trend(late)
+    return swing, late - swing
 
 
 def _mesh_radius(trace: Recorded, scenario: Scenario, row: int) -> tuple[float | None, str]:

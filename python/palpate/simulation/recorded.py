@@ -11,7 +11,7 @@ from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 from palpate.simulation.support_phase import support_phase
 
-__all__ = ["Recorded", "external_forces", "held_tip", "of_each_object", "recorded_scenario"]
+__all__ = ["Recorded", "external_forces", "held_tip", "of_each_object", "recorded_scenario", "without_trend"]
 
 
 class Recorded(Protocol):
@@ -47,6 +47,12 @@ def recorded_scenario(trace: Recorded) -> Scenario | None:
 def held_tip(trace: Recorded) -> Array:
     """Return the position of the tip that the operator holds (n, 3), m: behind the flexible mode, if there is one."""
     return trace["tip"] + trace["tip_offset"] if "tip_offset" in trace else trace["tip"]
+
+
+def without_trend(motion: Array) -> Array:
+    """Return positions at even times (n, k) less their quadratic trend: the oscillation, in the unit of `motion`."""
+    basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, len(motion)), 3))[0]
+    return np.asarray(motion - basis @ (basis.T @ motion))
 
 
 def of_each_object(trace: Recorded, channel: str) -> list[Array]:

@@ -10,6 +10,7 @@ import numpy as np
 from palpate.control.stability_margins import loop_margins
 from palpate.errors import StabilityError
 from palpate.fem.model_spec import LAWS
+from palpate.metrics.body_contact import palpation_metrics
 from palpate.scenario import Scenario
 from palpate.simulation.observed_run import LONGEST, SHORTEST, ObservedRun, observe
 from palpate.simulation.support_phase import last_change
@@ -72,7 +73,8 @@ def certify_body(s: Scenario) -> Certificate:
         ratio = float("inf") if math.isnan(found.run.kept) else found.run.kept
         example = CounterExample(s.to_dict(), ratio, f"the scenario itself. {found.run.sentence}")
     criteria = {} if found.rest is None else dict(found.rest.criteria)
-    return Certificate(s.title, verdict, _assumptions(s), margin, tuple(steps), criteria, None, example, s.to_dict())
+    holds = (*_assumptions(s), *_accuracy(found.run.trace))
+    return Certificate(s.title, verdict, holds, margin, tuple(steps), criteria, None, example, s.to_dict())
 
 
 def contact_of(s: Scenario) -> tuple[ContactStability, Trace, int]:
@@ -294,6 +296,21 @@ def _margins(found: _Findings) -> dict[str, float]:
         m = loop_margins(rest.loop.gain())
         margin |= {"phase_margin_deg": m.phase, "delay_margin_s": m.delay, "disk_margin": m.disk}
     return margin
+
+
+def _accuracy(trace: Trace) -> list[str]:
+    """Return how far the force of the rendered body may be from that of its material."""
+    found = palpation_metrics(trace)
+    if found is None:
+        return []
+    text = "The body is the one that is rendered. Its force"
+    if found.mesh_error is None:
+        text += " has an error by the mesh that is not known"
+    else:
+        text += f" has an error by the mesh of up to {100 * found.mesh_error:.0f} % ({found.nodes} nodes in contact)"
+    if found.softening is not None:
+        text += f", and may be up to {100 * found.softening:.0f} % too small, as small strains are assumed"
+    return [f"{text}."]
 
 
 def _states(count: int) -> str:

@@ -307,7 +307,7 @@ def _accuracy(trace: Trace) -> list[str]:
     if found.mesh_error is None:
         text += " has an error by the mesh that is not known"
     else:
-        text += f" has an error by the mesh of up to {100 * found.mesh_error:.0f} % ({found.nodes} nodes in contact)"
+        text += f" has an error by the mesh of up to {100 * found.mesh_error:.0f} % (nodes in contact: {found.nodes})"
     if found.softening is not None:
         text += f", and may be up to {100 * found.softening:.0f} % too small, as small strains are assumed"
     return [f"{text}."]

@@ -62,7 +62,24 @@ def test_at_rest_the_force_is_that_of_one_rate(body: Body, kind: str, tip: TipSh
     one = made(body, kind).simulate_path(way, RADIUS, tip=tip, outward=[0, 0, 1]).force[-1]
     two = made(body, kind, update_interval=interval).simulate_path(way, RADIUS, tip=tip, outward=[0, 0, 1]).force[-1]
     assert np.linalg.norm(one) > 0.05
-    assert np.linalg.norm(two - one) < 1e-3 * np.linalg.norm(one)
+    across = 1e-3 if tip == "sphere" else 2e-2  # a local model does not divide what it holds by the coverage
+    assert abs(two - one)[2] < 1e-3 * np.linalg.norm(one)
+    assert np.linalg.norm(two - one) < across * np.linalg.norm(one)
+
+
+@every
+def test_a_flat_end_that_slides_is_pushed_aside_no_more_than_at_one_rate(body: Body, kind: str) -> None:
+    """Nothing that a local model holds is divided by a coverage that shrinks meanwhile."""
+    t = np.arange(1400) * 1e-3
+    aside = np.interp(t, [0.5, 0.8], [0.0, 1.0])
+    way = np.stack(
+        [0.016 - 4e-3 * aside, 0.014 + 2e-3 * aside, TOP + np.interp(t, [0.0, 0.1], [1e-3, -1.5e-3])], axis=1
+    )
+    one, two = (
+        made(body, kind, **more).simulate_path(way, RADIUS, tip="flat", outward=[0, 0, 1]).force[500:]
+        for more in ({}, {"update_interval": "20 ms"})
+    )
+    assert np.linalg.norm(two - one, axis=1).max() < 0.15 * np.linalg.norm(one, axis=1).max()
 
 
 @every

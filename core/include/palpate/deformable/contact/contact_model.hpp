@@ -26,9 +26,6 @@ namespace palpate::deformable {
 ///                                       inertia states the static one
 ///   Matrix2d tangential_layer(i)        same in SurfaceNodes::tangent_basis, for friction
 ///   Creep creep()                       creep law, applied to the extra compliance of partially covered patches
-///   double layer_free_displacement(i), layer_free_energy(i)
-///                                       without creep(): displacement that a partial coverage divides as well [m], and the energy
-///                                       stored in it [J]
 ///   Matrix2d tangential(i, j)           tangential compliance in SurfaceNodes::tangent_basis, m/N; required by friction
 ///   Vector2d free_tangential_displacement(i)
 ///                                       tangential displacement without force, m; for models with tangential memory

@@ -107,20 +107,20 @@ class TipContact {
   [[nodiscard]] const std::int32_t* contact_nodes() const noexcept { return contact_nodes_.data(); }
   [[nodiscard]] const double* forces() const noexcept { return forces_.data(); }
 
-  /// Delayed force on the patch of a contact node of the last step by its own forces (see Creep), N.
-  [[nodiscard]] double creep_state(int contact_node) const noexcept {
+  /// Displacement of a contact node of the last step by the partial coverage of its patch, per force of the period and by earlier forces.
+  struct PartialDisplacement {
+    double compliance;  ///< m/N
+    double crept;       ///< at the end of the next period without force, m
+  };
+  [[nodiscard]] PartialDisplacement partial_displacement(int contact_node) const noexcept {
+    const auto c = static_cast<std::size_t>(contact_node), a = static_cast<std::size_t>(contact_rows_[c]);
+    const double uncovered = 1.0 / node_contacts_[a].coverage - 1.0;
+    PartialDisplacement out{uncovered * layer_compliance_[a], 0.0};
     if constexpr (has_creep) {
       const Creep creep = model_->creep();
-      const auto c = static_cast<std::size_t>(contact_node);
-      return creep.decay * creep_state_[static_cast<std::size_t>(contact_rows_[c])] + creep.gain * forces_[c];
+      out.crept = out.compliance / creep.period_ratio * (creep.decay * creep_state_[a] + creep.gain * forces_[c]);
     }
-    return 0.0;
-  }
-
-  /// Negative derivative of the stored energy by the inverse coverage of the patch of a contact node of the last step, J.
-  [[nodiscard]] double coverage_energy(int contact_node) const noexcept {
-    const auto c = static_cast<std::size_t>(contact_node);
-    return row_coverage_energy(contact_rows_[c], forces_[c]);
+    return out;
   }
 
   [[nodiscard]] const DryFriction& friction() const noexcept { return slip_.friction(); }
@@ -171,7 +171,7 @@ class TipContact {
       contact = nodes_->contact_at(tip, row_node_[static_cast<std::size_t>(a)]);
       rest_depth_[static_cast<std::size_t>(a)] = contact.depth;
       contact.depth = candidates_[static_cast<std::size_t>(a)].depth;
-      contact.depth -= (1.0 / contact.coverage - 1.0) * layer_free_displacement(a);
+      if constexpr (has_creep) contact.depth -= (1.0 / contact.coverage - 1.0) * creep_displacement(a);
       lcp_.depth(a) = contact.depth;
       const double layer = layer_compliance_[static_cast<std::size_t>(a)];
       lcp_.set_diagonal(a, (self_compliance_[static_cast<std::size_t>(a)] - layer) + layer / contact.coverage);
@@ -271,36 +271,22 @@ class TipContact {
     }
   }
 
-  /// Displacement of the whole patch of row `a` by its own earlier forces, which a partial coverage divides, m.
-  [[nodiscard]] double layer_free_displacement(int a) const noexcept {
-    const auto at = static_cast<std::size_t>(a);
-    if constexpr (has_creep) {
-      const Creep creep = model_->creep();
-      return layer_compliance_[at] / creep.period_ratio * creep.decay * creep_state_[at];
-    } else if constexpr (requires { model_->layer_free_displacement(0); }) {
-      return model_->layer_free_displacement(row_node_[at]);
-    } else {
-      return 0.0;
-    }
+  /// Creep displacement of the whole patch of row `a` by its own force, m.
+  [[nodiscard]] double creep_displacement(int a) const noexcept {
+    const Creep creep = model_->creep();
+    return layer_compliance_[static_cast<std::size_t>(a)] / creep.period_ratio * creep.decay * creep_state_[static_cast<std::size_t>(a)];
   }
 
-  /// Energy stored in that displacement of the whole patch, J.
-  [[nodiscard]] double layer_free_energy(int a) const noexcept {
-    const auto at = static_cast<std::size_t>(a);
-    if constexpr (has_creep) {
-      const Creep creep = model_->creep();
-      return layer_compliance_[at] / creep.period_ratio * creep.delayed_energy(creep_state_[at] * creep_state_[at]);
-    } else if constexpr (requires { model_->layer_free_energy(0); }) {
-      return model_->layer_free_energy(row_node_[at]);
-    } else {
-      return 0.0;
-    }
-  }
-
-  /// Negative derivative of the stored energy of a contact row by its inverse coverage, J.
-  [[nodiscard]] double row_coverage_energy(int a, double force) const noexcept {
+  /// Energy of a contact row per inverse coverage, J: elastic and creep part.
+  [[nodiscard]] double coverage_energy(int a, double force) const noexcept {
     const double self = layer_compliance_[static_cast<std::size_t>(a)];
-    return 0.5 * force * force * self + force * layer_free_displacement(a) - layer_free_energy(a);
+    double energy = 0.5 * force * force * self;
+    if constexpr (has_creep) {
+      const Creep creep = model_->creep();
+      const double q = creep_state_[static_cast<std::size_t>(a)];
+      energy += force * creep_displacement(a) - self / creep.period_ratio * creep.delayed_energy(q * q);
+    }
+    return energy;
   }
 
   /// Keep the candidates that satisfy `keep_if`. Return their number.
@@ -364,7 +350,7 @@ class TipContact {
       // Negative gradient of the stored energy, max over f of f.(g - C f/2), by the tip center.
       result_.force -= f * contact.depth_gradient;
       if (contact.coverage < 1.0)
-        result_.force -= (row_coverage_energy(a, f) / (contact.coverage * contact.coverage)) * contact.coverage_gradient;
+        result_.force -= (coverage_energy(a, f) / (contact.coverage * contact.coverage)) * contact.coverage_gradient;
       result_.deflection -= (f * rest_depth_[static_cast<std::size_t>(a)]) * nodes_->normal(contact.node);
       total += f;
     }
@@ -413,8 +399,6 @@ class TipContact {
       if constexpr (has_creep) creep = model_->creep();
       const double next = creep.decay * creep_state_[a] + creep.gain * f;
       partial_coverage_energy += extra_compliance * creep.energy(f * f, next * next) / creep.period_ratio;
-      if constexpr (!has_creep)
-        partial_coverage_energy += (1.0 / node_contacts_[a].coverage - 1.0) * layer_free_energy(contact_rows_[static_cast<std::size_t>(c)]);
     }
     if (slip_.enabled()) {
       compliance_work += slip_.compliance_work();

@@ -167,22 +167,20 @@ class LinearBodySolver {
     }
   }
 
-  /// Set the displacement of the patches of loaded nodes by their own forces, earlier and at the state, and its energy: the force at the
-  /// state by the coverages is then that of the contact.
-  void linearize_layer(LinearLocalModel& to) const {
-    const std::size_t count = layer_.size();
-    to.layer_free.assign(count, 0.0);
-    to.layer_free_energy.assign(count, 0.0);
-    to.layer_elastic.assign(count, 0.0);
+  /// Add the displacement of partly covered patches at the state. It stays while the coverage changes: divided by that, it would push a
+  /// tip that slides off a patch aside.
+  void add_partial_displacement(LinearLocalModel& to) const {
     for (int c = 0; c < contact_.last().nodes; ++c) {
       const auto k = static_cast<std::size_t>(contact_.contact_nodes()[c]);
-      const double force = contact_.forces()[c];
-      to.layer_elastic[k] = layer_[k] * force;
+      const auto [compliance, crept] = contact_.partial_displacement(c);
+      double held = compliance, free = 0.0;
       if constexpr (requires { look_ahead_.creep(); }) {
-        const Creep creep = look_ahead_.creep();
-        to.layer_free[k] = layer_[k] / creep.period_ratio * creep.decay * contact_.creep_state(c);
+        const Creep now = model_.creep(), then = look_ahead_.creep();
+        held *= then.period_ratio / now.period_ratio;
+        free = then.decay * crept;
       }
-      to.layer_free_energy[k] = (0.5 * to.layer_elastic[k] + to.layer_free[k]) * force - contact_.coverage_energy(c);
+      to.elastic_displacement[k] += held * contact_.forces()[c];
+      to.free_displacement[k] += free;
     }
   }
 
@@ -239,10 +237,10 @@ class LinearBodySolver {
       to.lowest_elastic = std::min(to.lowest_elastic, elastic);
       to.lowest_free = std::min(to.lowest_free, to.free_displacement[k]);
     }
-    linearize_layer(to);
     to.compliance_ratio = 1.0;
     if constexpr (requires { model_.linear(); })
       if (look_ahead_steps_ > 1 && !model_.linear()) to.compliance_ratio = tangent_ratio(to, loaded, forces, loads);
+    add_partial_displacement(to);
     to.has_memory = HasState<Model>;
     to.returnable = HasState<Model> ? energy() : 0.0;
     to.version = ++version_;

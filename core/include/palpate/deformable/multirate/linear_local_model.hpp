@@ -22,9 +22,6 @@ namespace palpate::deformable {
 struct LinearLocalModel {
   std::vector<double> free_displacement;     ///< of each node along its inward normal, without force, m
   std::vector<double> elastic_displacement;  ///< compliance times force at the state, C f0, m
-  std::vector<double> layer_free;            ///< of each node: displacement that a partial coverage of its patch divides, m
-  std::vector<double> layer_free_energy;     ///< energy stored in it, J
-  std::vector<double> layer_elastic;         ///< same displacement by the forces of the state, m
   double compliance_ratio = 1.0;             ///< of the tangent compliance at the state to C
   double lowest_free = 0.0;                  ///< lower bounds of both, m
   double lowest_elastic = 0.0;
@@ -99,15 +96,6 @@ class LinearLocalContact {
     [[nodiscard]] double free_displacement(std::int32_t i) const noexcept {
       const auto k = static_cast<std::size_t>(i);
       return model->free_displacement[k] + remainder * model->elastic_displacement[k];
-    }
-    [[nodiscard]] double layer_free_displacement(std::int32_t i) const noexcept {
-      const auto k = static_cast<std::size_t>(i);
-      return model->layer_free[k] + remainder * model->layer_elastic[k];
-    }
-    [[nodiscard]] double layer_free_energy(std::int32_t i) const noexcept {  // of forces scaled as those of the contact
-      const auto k = static_cast<std::size_t>(i);
-      const double elastic = model->layer_elastic[k];
-      return (1.0 - remainder) * (model->layer_free_energy[k] + 0.5 * remainder * elastic * elastic / body->layer[k]);
     }
     [[nodiscard]] bool group_free_displacement_at_least(std::size_t /*group*/, double value) const noexcept {
       return model->lowest_free + remainder * model->lowest_elastic >= value;

@@ -21,7 +21,7 @@ from palpate.simulation.verdict import BAND, FLOOR, Evidence
 from palpate.simulation.windows import Window
 
 FASTEST: Final = 1e100  # growth in a fifth of the window above which it is all the same
-ROUNDING: Final = 1e-6  # of a body's deflection: single precision, and the iterations of its contact and equilibrium
+ROUNDING: Final = 1e-5  # of a body's deflection: single precision, and the iterations of its contact and equilibrium
 CLEAR, SIDE_LOBE = 2.0, 0.0275  # periods from which a Hann window passes at most that share of an oscillation
 ONE_SIDED: Final = ("wall", "mesh", "body", "force_law", "textured_wall")  # kinds of objects
 

@@ -307,7 +307,7 @@ class IndentableBody(CondensedBody):
             PoseError: the path or a direction has the wrong shape or a number that is not finite.
             BodyError: the radius is not positive, the tip has another shape, or more than 128 nodes lie under it.
         """
-        centers = np.ascontiguousarray(lengths(path, "path"))
+        centers = lengths(path, "path")
         if centers.ndim != 2 or centers.shape[1] != 3:
             raise PoseError(f"a path is (m, 3) numbers in m; this has shape {centers.shape}")
         check_finite(centers, "path")
@@ -316,12 +316,11 @@ class IndentableBody(CondensedBody):
         check_tip(tip)
         if outward is None and tip == "flat":
             outward = area_vectors(self.surface.vertices, self.surface.triangles[self.surface.nearest(centers)[1]])
-        axes = None if outward is None else directions(outward, centers.shape)
         if not go_on:
             self.core.reset()
-        return self._move(centers, size, outward=axes, tip=tip)
+        return self._move(centers, size, outward=outward, tip=tip)
 
-    def _move(self, centers: Array, radius: float, *, outward: Array | None, tip: TipShape) -> ContactHistory:
+    def _move(self, centers: Array, radius: float, *, outward: ArrayLike | None, tip: TipShape) -> ContactHistory:
         """Move the tip along a path (m, 3), m, from the present state; `outward` is (3,) or (m, 3)."""
         axes = np.empty((0, 3)) if outward is None else directions(outward, centers.shape)
         rows = self.core.simulate_path(np.ascontiguousarray(centers), axes, radius, tip == "flat")

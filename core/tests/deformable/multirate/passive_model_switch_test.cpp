@@ -118,4 +118,29 @@ TEST(PassiveModelSwitch, ABlendIsTheMeanOfBothModels) {
   }
 }
 
+// Law: models are accepted as they arrive, but for those that follow a late one: its longer blend delays the next ones less and less.
+TEST(PassiveModelSwitch, ALateModelDelaysTheLaterOnesOnce) {
+  SwitchedBlock body(6, 4, 2);
+  palpate::deformable::TipPair tips;
+  tips.count = 1;
+  tips.tip[0].radius = 7e-3;
+  tips.tip[0].center = {0.013, 0.011, 0.01 + 7e-3 - 1e-3};
+  for (int k = 0; k < 30; ++k) body.solver.step(tips, body.models->write_slot());
+  body.models->publish();
+  for (const int interval : {1, 4, 20}) {
+    const int late = interval + std::max(interval / 2, 1);
+    bool accepted = false;
+    for (int model = 0; model < 12; ++model) {
+      for (int k = 0; k < (model == 3 ? late : interval); ++k) {
+        body.servo->step(*body.models, tips);
+        if (k == 0) accepted = body.servo->current_model(*body.models).version == body.solver.local_model().version;
+      }
+      ASSERT_FALSE(body.servo->tank().empty);
+      if (model > 8) EXPECT_TRUE(accepted) << interval << " " << model;
+      body.solver.step(tips, body.models->write_slot());
+      body.models->publish();
+    }
+  }
+}
+
 }  // namespace

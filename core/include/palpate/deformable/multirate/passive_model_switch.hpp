@@ -44,8 +44,9 @@ class BasicPassiveModelSwitch {
 
   /// Advance by one period with the tips at their present positions. Accepts a model from `models` when the last one is fully blended in.
   const MultiTipResult& step(ModelBuffer& models, const TipPair& tips) noexcept {
-    ++ticks_since_model_;
-    if (models.has_new() && (tank_.blend >= 1.0 || tank_.empty)) accept_model(models, tips);
+    if (!is_waiting_) ++ticks_since_model_;
+    is_waiting_ = models.has_new();
+    if (is_waiting_ && (tank_.blend >= 1.0 || tank_.empty)) accept_model(models, tips);
     const MultiTipResult& b = solve(models, current_, tips);
     if (tank_.blend < 1.0) {
       blend_models(models, tips, solve(models, previous_, tips), b);
@@ -61,8 +62,10 @@ class BasicPassiveModelSwitch {
     return result_;
   }
 
-  /// Start with the energy that the body holds beyond the potential of its first model in the tank.
-  void start_with_energy(ModelBuffer& models) noexcept {
+  /// Start under tips at rest, one tick before the first step, with the energy that the body holds beyond the potential in the tank.
+  void start(ModelBuffer& models, const TipPair& tips) noexcept {
+    step(models, tips);
+    ticks_since_model_ = -1;
     if (current_model(models).has_memory) tank_.level = std::max(current_model(models).returnable - tank_.potential, 0.0);
   }
 
@@ -147,6 +150,7 @@ class BasicPassiveModelSwitch {
   /// Accept a new model: blend it in from now on, or, if the tank is empty, let it replace the model being blended if the tank allows.
   void accept_model(ModelBuffer& models, const TipPair& tips) noexcept {
     ++models_since_contact_;
+    is_waiting_ = false;
     ModelSlot& spare = slots_[static_cast<std::size_t>(spare_)];
     if (tank_.blend >= 1.0) {
       std::swap(previous_, current_);
@@ -211,7 +215,8 @@ class BasicPassiveModelSwitch {
 
   std::array<ModelSlot, 3> slots_{ModelSlot{0, 1.0, {}}, ModelSlot{1, 1.0, {}}, ModelSlot{2, 1.0, {}}};
   int previous_ = 0, current_ = 1, spare_ = 2;
-  int ticks_since_model_ = 0;  // ticks since the last model was accepted
+  int ticks_since_model_ = 0;  // from the last model's acceptance to the arrival of the next: a late model delays the later ones only once
+  bool is_waiting_ = false;    // a model has arrived, but the last one is not fully blended in
   int blend_ticks_ = 1;        // duration of the blend
   int models_since_contact_ = 0;
   MultiTipResult result_;

@@ -34,19 +34,7 @@ class MultirateObject final : public DeformableObject {
 
   const deformable::ContactResult& step(const deformable::Tip& tip) noexcept override {
     tips_.tip[0] = tip;
-    const deformable::MultiTipResult& result = coupling_.tick(tips_);
-    result_ = result.tip[0];
-    result_.solved = result.solved;
-    result_.energy = coupling_.model_switch().tank().potential;
-    result_.tank_energy = coupling_.model_switch().tank().level;
-    result_.nodes = 0;
-    coupling_.model_switch().for_each_contact_node([this](std::int32_t node, double force, const Vector3<>& push) {
-      const auto k = static_cast<std::size_t>(result_.nodes++);
-      contact_nodes_[k] = node;
-      forces_[k] = force;
-      node_forces_[k] = push;
-    });
-    update_outward(tip);
+    adopt(coupling_.tick(tips_), tip);
     if (slip_.enabled()) update_friction(tip);
     return result_;
   }
@@ -69,13 +57,16 @@ class MultirateObject final : public DeformableObject {
     return std::make_unique<MultirateObject>(coupling_.solver().clone_at_rest(), update_interval_, slip_at_rest());
   }
 
-  /// Provide the first local model: the body at rest near the tip, or in equilibrium under a tip that starts in contact. One update does
-  /// not find the equilibrium under a deep tip.
+  /// Provide the first local model: of the body at rest or, if its solver finds equilibria, of the equilibrium under the tip.
   void initialize(const deformable::Tip& tip) override {
     tips_.tip[0] = tip;
-    coupling_.set_tips(tips_);
-    update_model();
-    for (int k = 0; k < max_starting_updates && coupling_.last_report().relative_residual > balanced; ++k) update_model();
+    if constexpr (deformable::FindsEquilibrium<Solver>) {
+      settle(tip, max_starting_updates);
+      publish();
+    } else {
+      coupling_.set_tips(tips_);
+      update_model();
+    }
   }
 
   void step_synchronously() override {
@@ -99,12 +90,12 @@ class MultirateObject final : public DeformableObject {
   /// Energy of the body and its layer after the last model update, kinetic energy included, J.
   [[nodiscard]] double energy() { return coupling_.solver().energy(); }
 
-  /// Bring the body to equilibrium under a fixed tip in at most `max_steps` model updates and step there. Return false if not reached.
+  /// Bring the body to equilibrium under a fixed tip, without friction, in at most `max_steps` model updates. Return false if not reached.
   bool settle(const deformable::Tip& tip, int max_steps) {
     tips_.tip[0] = tip;
     tick_ = 0;
     const bool rests = coupling_.settle(tips_, max_steps);
-    step(tip);
+    adopt(coupling_.model_switch().last(), tip);
     return rests;
   }
 
@@ -118,7 +109,6 @@ class MultirateObject final : public DeformableObject {
 
  private:
   static constexpr int max_starting_updates = 100;
-  static constexpr double balanced = 1e-4;  // unbalanced force at the start, relative to the contact forces
 
   [[nodiscard]] Slip slip_at_rest() const {
     Slip slip = slip_;
@@ -135,6 +125,22 @@ class MultirateObject final : public DeformableObject {
     if constexpr (requires { coupling_.solver().displacement(next.displacement.data()); })
       coupling_.solver().displacement(next.displacement.data());
     observer_->publish();
+  }
+
+  /// Take over what the coupling has found under the tip.
+  void adopt(const deformable::MultiTipResult& result, const deformable::Tip& tip) noexcept {
+    result_ = result.tip[0];
+    result_.solved = result.solved;
+    result_.energy = coupling_.model_switch().tank().potential;
+    result_.tank_energy = coupling_.model_switch().tank().level;
+    result_.nodes = 0;
+    coupling_.model_switch().for_each_contact_node([this](std::int32_t node, double force, const Vector3<>& push) {
+      const auto k = static_cast<std::size_t>(result_.nodes++);
+      contact_nodes_[k] = node;
+      forces_[k] = force;
+      node_forces_[k] = push;
+    });
+    update_outward(tip);
   }
 
   /// Update the outward normal from the contact forces.

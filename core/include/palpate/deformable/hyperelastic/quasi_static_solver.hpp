@@ -109,7 +109,10 @@ class QuasiStaticSolver {
   /// Set the servo tick of the tips of the next step. Inertia and relaxation advance by the ticks since the last one.
   void set_clock(std::int64_t tick) noexcept { clock_ = tick; }
   /// Step towards equilibrium without inertia while `is_static`; the body is at rest and relaxed afterwards.
-  void set_static(bool is_static) noexcept { is_static_ = is_static; }
+  void set_static(bool is_static) {
+    is_static_ = is_static;
+    if (dynamics_.enabled()) columns_.select({});  // with or without mass: a tenth of those of the other would remain
+  }
 
   /// Take one step with the tips at their present positions. Write the next local model to `to`.
   Report step(const TipPair& tips, LocalModel& to) {

@@ -77,11 +77,6 @@ class LinearBodySolver {
   }
 
   void set_clock(std::int64_t tick) noexcept { clock_ = tick; }
-  /// While `is_static`, each update advances the body by one interval, whatever the clock.
-  void set_static(bool is_static) noexcept {
-    is_static_ = is_static;
-    current_ = false;
-  }
 
   /// Advance to the time of the tip. Write the next local model to `to`.
   Report step(const TipPair& tips, LinearLocalModel& to) {
@@ -105,7 +100,7 @@ class LinearBodySolver {
   void reset() {
     contact_.reset();
     clock_ = advanced_to_ = no_tick;
-    is_static_ = has_last_tip_ = current_ = false;
+    has_last_tip_ = current_ = false;
   }
 
   /// Energy of the body after the last update, kinetic energy included, J.
@@ -186,7 +181,7 @@ class LinearBodySolver {
 
   /// Number of intervals to advance by. The first tick of a servo is one interval after the body was at rest.
   [[nodiscard]] int due_intervals() noexcept {
-    if (is_static_ || clock_ == no_tick) return 1;
+    if (clock_ == no_tick) return 1;
     if (clock_ < 0) return 0;
     if (advanced_to_ == no_tick) {
       advanced_to_ = clock_;
@@ -273,7 +268,7 @@ class LinearBodySolver {
   Tip last_tip_;  // of the last update
   long version_ = 0;
   std::int64_t clock_ = no_tick, advanced_to_ = no_tick;
-  bool is_static_ = false, has_last_tip_ = false;
+  bool has_last_tip_ = false;
   bool current_ = false;  // whether the last local model is that of the state
 };
 

@@ -22,6 +22,10 @@ struct ContactOf<Solver> {
 };
 }  // namespace detail
 
+/// A solver whose updates approach the relaxed equilibrium, without inertia, while it is set to static.
+template <class Solver>
+concept FindsEquilibrium = requires(Solver& s) { s.set_static(true); };
+
 /// Couples a slow body solver with the servo's contact on local models: tip positions go to the solver, local models to the servo. Model
 /// updates run synchronously with the ticks or in one other thread.
 ///
@@ -33,7 +37,7 @@ struct ContactOf<Solver> {
 ///   Contact make_contact() const
 /// and, if the body has inertia or relaxation,
 ///   void set_clock(std::int64_t tick)                  tick of the tips of the next update
-///   void set_static(bool is_static)                    whether updates approach the relaxed equilibrium, without inertia
+///   void set_static(bool is_static)                    see FindsEquilibrium
 /// A Report with a member `advanced` tells whether the model is new; others are published after each update.
 template <class Solver>
 class MultirateCoupling {
@@ -95,8 +99,7 @@ class MultirateCoupling {
     models_ = std::make_unique<typename Switch::ModelBuffer>();
     set_static(false);
     update_model();
-    model_switch_->step(*models_, tips);
-    model_switch_->start_with_energy(*models_);
+    model_switch_->start(*models_, tips);
     return steps_at_rest >= 2;
   }
 
@@ -126,7 +129,7 @@ class MultirateCoupling {
   }
 
   void set_static(bool is_static) {
-    if constexpr (requires(Solver& s) { s.set_static(is_static); }) solver_->set_static(is_static);
+    if constexpr (FindsEquilibrium<Solver>) solver_->set_static(is_static);
   }
 
   static constexpr double rest_tolerance = 1e-4;  // relative to the load

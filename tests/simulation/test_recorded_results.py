@@ -288,39 +288,45 @@ MEASURES: dict[str, Any] = {
 nan, inf = np.nan, np.inf
 # fmt: off
 STORED: dict[str, Any] = {
-    "loops at rest with one change or two": {"states": [16169, 533, 486, 327, 282, 334, 1869, 0], "weighted": 818015.0,
+    "loops at rest with one change or two": {"states": [16169, 523, 486, 327, 282, 334, 1879, 0], "weighted": 820730.0,
     "ahead": 544104.387, "growth": 351371.323, "others": [0.0, 190.0, 0.0]},
-    "loops at rest with many changes": {"states": [10446, 1282, 1429, 1018, 822, 942, 4061, 0], "weighted": 1925057.0,
+    "loops at rest with many changes": {"states": [10446, 1253, 1429, 1018, 822, 942, 4090, 0], "weighted": 1933127.0,
     "ahead": 1414797.34, "growth": 895572.703, "others": [132.0, 2809.0, 34.0]},
-    "loops at rest without a linear loop": {"states": [15166, 587, 553, 344, 364, 386, 2600, 0], "weighted": 1048289.0,
+    "loops at rest without a linear loop": {"states": [15166, 132, 553, 344, 364, 386, 3055, 0], "weighted": 1154824.0,
     "ahead": 906759.706, "growth": 401011.085, "others": [0.0, 461.0, 104.0]},
     "loops that oscillate": {"states": [1615, 15321, 731, 388, 345, 375, 1225, 0], "weighted": 1389743.0, "ahead":
     90036.2495, "growth": 982531.056, "others": [1351.0, 33647.0, 0.0]},
     "loops that oscillate without a linear loop": {"states": [494, 15574, 750, 399, 363, 378, 2042, 0], "weighted":
     1654669.0, "ahead": 359945.195, "growth": 969457.791, "others": [572.0, 32732.0, 0.0]},
-    "contacts with friction that counts shake": {"states": [2027, 598, 557, 356, 394, 380, 15688, 0], "weighted":
-    4915059.0, "ahead": 753995.779, "growth": 408546.054, "others": [0.0, 293.0, 823624.0]},
+    "contacts with friction that counts shake": {"states": [2027, 591, 557, 356, 394, 380, 15695, 0], "weighted":
+    4917164.0, "ahead": 753995.779, "growth": 408546.054, "others": [0.0, 293.0, 823624.0]},
     "a tip that drifts": {"states": [1019, 163, 519, 429, 363, 403, 17104, 0], "weighted": 5311741.0, "ahead":
     8040004.87, "growth": 372989.822, "others": [0.0, 7807.0, 51.0]},
-    "displays that generate energy": {"states": [2251, 647, 1332, 389, 356, 377, 14648, 0], "weighted": 4690750.0,
+    "displays that generate energy": {"states": [2251, 628, 1332, 389, 356, 377, 14667, 0], "weighted": 4695000.0,
     "ahead": 631624.271, "growth": 392502.713, "others": [843347.0, 41851.0, 919.0]},
     "a run under a tracked force": {"whole": {"unstable_from": nan, "early": 7.16922302e-05, "prior": 7.27180199e-05,
     "late": 6.60885563e-05, "ripple": 0.000219184014, "ripple_before": 0.000223279076, "swing": 0.000214955201,
-    "swing_before": 0.000212881364, "trend": 4.22881351e-06, "trend_before": 1.03977124e-05, "shift": 2.09390455e-05,
+    "swing_before": 0.000212881364,
+    "widening": 0.0, "turns": 7.9390493,
+    "trend": 4.22881351e-06, "trend_before": 1.03977124e-05, "shift": 2.09390455e-05,
     "shift_ratio": 1.3175572, "shift_fifths": 1, "deflection": 0.00224508084, "error": 0.400079916, "drift":
     0.000554979144, "creep": 0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.0, "saturated": 0.03, "pressed": False,
     "beyond": False, "constant": True, "resolution": 0.000114197448, "linear": 1, "decay": 0.132619556, "kept": nan,
     "local": False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": nan,
     "generated_before": nan}, "part": {"unstable_from": nan, "early": 8.26626292e-05, "prior": 0.000135585159, "late":
     7.27180199e-05, "ripple": 0.000223279076, "ripple_before": 0.00026291491, "swing": 0.00022535034, "swing_before":
-    0.000264179974, "trend": -2.07126337e-06, "trend_before": -1.2650641e-06, "shift": 8.68027487e-06, "shift_ratio":
+    0.000264179974,
+    "widening": 0.0, "turns": 7.57601282,
+    "trend": -2.07126337e-06, "trend_before": -1.2650641e-06, "shift": 8.68027487e-06, "shift_ratio":
     0.657802768, "shift_fifths": 1, "deflection": 0.00224506271, "error": 0.399964168, "drift": 0.00175446436, "creep":
     0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.0, "saturated": 0.0, "pressed": False, "beyond": False,
     "constant": True, "resolution": 0.000113883944, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": False,
     "fluctuation": nan, "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": nan,
     "generated_before": nan},
     "short": {"unstable_from": nan, "early": 6.00255695e-05, "prior": 5.9229961e-05, "late": 5.48813653e-05, "ripple":
-    0.000134786072, "ripple_before": 0.000153208294, "swing": 1.73362889e-05, "swing_before": 4.68654259e-05, "trend":
+    0.000134786072, "ripple_before": 0.000153208294, "swing": 1.73362889e-05, "swing_before": 4.68654259e-05,
+    "widening": 0.0, "turns": 0.748555973,
+    "trend":
     0.000117449783, "trend_before": 0.000106342868, "shift": 6.38273802e-05, "shift_ratio": 0.335786077,
     "shift_fifths": 1, "deflection": 0.00224771462, "error": nan, "drift": nan, "creep": 0, "touching": 1.0,
     "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
@@ -335,14 +341,18 @@ STORED: dict[str, Any] = {
     "contacts_5": 0.0}},
     "a run of a hand on a wall": {"whole": {"unstable_from": nan, "early": 4.05472439e-05, "prior": 1.50779803e-05,
     "late": 1.37201128e-05, "ripple": 8.34652535e-05, "ripple_before": 9.84697471e-05, "swing": 7.1543545e-05,
-    "swing_before": 8.30271176e-05, "trend": 1.19217085e-05, "trend_before": 1.54426295e-05, "shift": 2.31586515e-05,
+    "swing_before": 8.30271176e-05,
+    "widening": 0.0, "turns": 4.08932871,
+    "trend": 1.19217085e-05, "trend_before": 1.54426295e-05, "shift": 2.31586515e-05,
     "shift_ratio": 0.721689878, "shift_fifths": 1, "deflection": 0.00224483702, "error": nan, "drift": nan, "creep":
     0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.03, "pressed": True, "beyond": False,
     "constant": True, "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local": False, "fluctuation":
     nan, "traction": nan, "release": nan, "onward": nan, "lossy": False, "generated": -0.273154932,
     "generated_before": -0.910369104},
     "part": {"unstable_from": nan, "early": 4.45873555e-05, "prior": 8.17512635e-05, "late": 1.50779803e-05, "ripple":
-    9.84697471e-05, "ripple_before": 0.000209453056, "swing": 7.3200614e-05, "swing_before": 0.000210889903, "trend":
+    9.84697471e-05, "ripple_before": 0.000209453056, "swing": 7.3200614e-05, "swing_before": 0.000210889903,
+    "widening": 0.0, "turns": 3.90785581,
+    "trend":
     2.52691331e-05, "trend_before": -1.43684638e-06, "shift": 3.30190772e-05, "shift_ratio": 0.780683455,
     "shift_fifths": 1, "deflection": 0.00224491961, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
@@ -350,7 +360,9 @@ STORED: dict[str, Any] = {
     nan, "release": nan, "onward": nan, "lossy": False, "generated": -1.09180318, "generated_before": 0.760572605},
     "short":
     {"unstable_from": nan, "early": 5.34252867e-06, "prior": 9.50112822e-06, "late": 9.10435459e-06, "ripple":
-    3.9872153e-05, "ripple_before": 3.3164056e-05, "swing": 6.43927489e-06, "swing_before": 4.10670384e-06, "trend":
+    3.9872153e-05, "ripple_before": 3.3164056e-05, "swing": 6.43927489e-06, "swing_before": 4.10670384e-06,
+    "widening": 0.0, "turns": 0.611862707,
+    "trend":
     3.34328782e-05, "trend_before": 2.90573522e-05, "shift": 8.11822971e-05, "shift_ratio": 0.726870584,
     "shift_fifths": 2, "deflection": 0.00224629024, "error": nan, "drift": nan, "creep": 0, "touching": 1.0,
     "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
@@ -365,7 +377,9 @@ STORED: dict[str, Any] = {
     0.00499168053, "touching_5": 1.0, "saturated_5": 0.0303030303, "contacts_5": 0.0}},
     "a run of a gripping hand that bounces": {"whole": {"unstable_from": nan, "early": 2.71382059e-05, "prior":
     3.43445456e-06, "late": 2.42180593e-06, "ripple": 1.61182561e-05, "ripple_before": 1.86327585e-05, "swing":
-    1.118376e-05, "swing_before": 1.5539149e-05, "trend": 4.93449612e-06, "trend_before": 3.0936095e-06, "shift":
+    1.118376e-05, "swing_before": 1.5539149e-05,
+    "widening": 0.0, "turns": 2.50432004,
+    "trend": 4.93449612e-06, "trend_before": 3.0936095e-06, "shift":
     2.82593403e-05, "shift_ratio": 0.704910717, "shift_fifths": 1, "deflection": 0.00224530938, "error": nan, "drift":
     nan, "creep": 0.0, "touching": 0.81, "contacts": 2.0, "apart": 0.151515152, "saturated": 0.03, "pressed": True,
     "beyond": False, "constant": True, "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local":
@@ -373,14 +387,18 @@ STORED: dict[str, Any] = {
     "generated": -0.141412965,
     "generated_before": 0.346506653}, "part": {"unstable_from": nan, "early": 3.72958594e-05, "prior": 4.32827239e-05,
     "late": 3.43445456e-06, "ripple": 1.86327585e-05, "ripple_before": 9.16953373e-05, "swing": 1.45083738e-05,
-    "swing_before": 7.56024913e-05, "trend": 4.12438469e-06, "trend_before": 1.60928459e-05, "shift": 4.12258233e-05,
+    "swing_before": 7.56024913e-05,
+    "widening": 0.0, "turns": 2.41399338,
+    "trend": 4.12438469e-06, "trend_before": 1.60928459e-05, "shift": 4.12258233e-05,
     "shift_ratio": 1.8714126, "shift_fifths": 1, "deflection": 0.00224467284, "error": nan, "drift": nan, "creep": 0.0,
     "touching": 1.0, "contacts": 0.0, "apart": 0.151515152, "saturated": 0.0, "pressed": True, "beyond": False,
     "constant": True, "resolution": 0.0, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": False, "fluctuation":
     nan, "traction": nan, "release": nan, "onward": nan, "lossy": False, "generated": 0.054954787,
     "generated_before": 0.546009089},
     "short": {"unstable_from": nan, "early": 1.51944429e-06, "prior": 1.23406348e-06, "late": 1.41397652e-06, "ripple":
-    2.99180207e-06, "ripple_before": 3.13579678e-06, "swing": 7.91366411e-07, "swing_before": 2.57757879e-07, "trend":
+    2.99180207e-06, "ripple_before": 3.13579678e-06, "swing": 7.91366411e-07, "swing_before": 2.57757879e-07,
+    "widening": 0.0, "turns": 0.76783346,
+    "trend":
     2.20043565e-06, "trend_before": 2.8780389e-06, "shift": 9.88046884e-06, "shift_ratio": 1.45001472, "shift_fifths":
     2, "deflection": 0.00224468448, "error": nan, "drift": nan, "creep": 0, "touching": 0.0, "contacts": 0.0, "apart":
     0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution": 0, "linear": 0, "decay":
@@ -395,14 +413,18 @@ STORED: dict[str, Any] = {
     "saturated_5": 0.0303030303, "contacts_5": 2.0}},
     "a run on a mesh": {"whole": {"unstable_from": nan, "early": 3.98748696e-05, "prior": 3.43905027e-06, "late":
     3.33743484e-06, "ripple": 2.65606779e-05, "ripple_before": 2.35054127e-05, "swing": 1.90504846e-05, "swing_before":
-    1.96079318e-05, "trend": 7.51019329e-06, "trend_before": 3.89748092e-06, "shift": 3.10565351e-05, "shift_ratio":
+    1.96079318e-05,
+    "widening": 0.0, "turns": 2.22803823,
+    "trend": 7.51019329e-06, "trend_before": 3.89748092e-06, "shift": 3.10565351e-05, "shift_ratio":
     0.462106697, "shift_fifths": 1, "deflection": 0.00224497228, "error": nan, "drift": nan, "creep": 0.0, "touching":
     1.0, "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.03, "pressed": True, "beyond": False, "constant":
     True, "resolution": 0.00011399115, "linear": 1, "decay": 0.132619556, "kept": nan, "local": True, "fluctuation":
     nan, "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": -1.50412481,
     "generated_before": -3.20163541},
     "part": {"unstable_from": nan, "early": 4.4037325e-05, "prior": 0.000173359084, "late": 3.43905027e-06, "ripple":
-    2.35054127e-05, "ripple_before": 0.000171117934, "swing": 1.9129116e-05, "swing_before": 0.00017249426, "trend":
+    2.35054127e-05, "ripple_before": 0.000171117934, "swing": 1.9129116e-05, "swing_before": 0.00017249426,
+    "widening": 0.0, "turns": 1.70000674,
+    "trend":
     4.37629673e-06, "trend_before": -1.37632556e-06, "shift": 6.92190911e-05, "shift_ratio": 1.02572284,
     "shift_fifths": 1, "deflection": 0.002245005, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
@@ -410,7 +432,9 @@ STORED: dict[str, Any] = {
     "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": -2.77603859,
     "generated_before": 1.05312029}, "short":
     {"unstable_from": nan, "early": 2.81020972e-06, "prior": 3.16763576e-06, "late": 3.33743484e-06, "ripple":
-    1.53828229e-05, "ripple_before": 1.89503401e-05, "swing": 2.15187535e-06, "swing_before": 2.16123508e-06, "trend":
+    1.53828229e-05, "ripple_before": 1.89503401e-05, "swing": 2.15187535e-06, "swing_before": 2.16123508e-06,
+    "widening": 0.0, "turns": 0.540632072,
+    "trend":
     1.32309476e-05, "trend_before": 1.6789105e-05, "shift": 1.37367244e-05, "shift_ratio": 1.96919997, "shift_fifths":
     2, "deflection": 0.00224485159, "error": nan, "drift": nan, "creep": 0, "touching": 1.0, "contacts": 0.0, "apart":
     0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution": 0, "linear": 0, "decay":
@@ -425,14 +449,18 @@ STORED: dict[str, Any] = {
     0.925124792, "saturated": 0.00499168053, "touching_5": 1.0, "saturated_5": 0.0303030303, "contacts_5": 0.0}},
     "a run in a scene": {"whole": {"unstable_from": nan, "early": 4.7120803e-05, "prior": 3.53813544e-05, "late":
     3.13792913e-05, "ripple": 0.000144081584, "ripple_before": 0.00015822419, "swing": 0.000142495818, "swing_before":
-    0.000160783354, "trend": 1.5857666e-06, "trend_before": -2.5591645e-06, "shift": 2.19290702e-05, "shift_ratio":
+    0.000160783354,
+    "widening": 0.0, "turns": 6.26483385,
+    "trend": 1.5857666e-06, "trend_before": -2.5591645e-06, "shift": 2.19290702e-05, "shift_ratio":
     1.03874071, "shift_fifths": 1, "deflection": 0.00224499376, "error": nan, "drift": nan, "creep": 0.0, "touching":
     0.81, "contacts": 2.0, "apart": 0.151515152, "saturated": 0.03, "pressed": True, "beyond": False, "constant": True,
     "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local": True, "fluctuation": nan, "traction":
     nan, "release": nan, "onward": nan, "lossy": True, "generated": -7.34654552, "generated_before": 1.52420716},
     "part":
     {"unstable_from": nan, "early": 5.55515254e-05, "prior": 3.96316978e-05, "late": 3.53813544e-05, "ripple":
-    0.000156102345, "ripple_before": 0.000203228976, "swing": 0.000159839336, "swing_before": 0.00020623262, "trend":
+    0.000156102345, "ripple_before": 0.000203228976, "swing": 0.000159839336, "swing_before": 0.00020623262,
+    "widening": 0.0, "turns": 5.53566242,
+    "trend":
     -3.73699055e-06, "trend_before": -3.00364374e-06, "shift": 1.88902386e-05, "shift_ratio": 0.886082983,
     "shift_fifths": 1, "deflection": 0.0022451708, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.151515152, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
@@ -440,7 +468,9 @@ STORED: dict[str, Any] = {
     nan, "release": nan, "onward": nan, "lossy": True, "generated": -2.22832973, "generated_before": 29.1383796},
     "short":
     {"unstable_from": nan, "early": 2.61474299e-05, "prior": 2.64281676e-05, "late": 2.69690678e-05, "ripple":
-    9.87638405e-05, "ripple_before": 0.000102275517, "swing": 1.87638887e-05, "swing_before": 1.94613373e-05, "trend":
+    9.87638405e-05, "ripple_before": 0.000102275517, "swing": 1.87638887e-05, "swing_before": 1.94613373e-05,
+    "widening": 0.0, "turns": 0.621307507,
+    "trend":
     7.99999517e-05, "trend_before": 8.28141799e-05, "shift": 0.000119104238, "shift_ratio": 0.242770378,
     "shift_fifths": 2, "deflection": 0.00224359991, "error": nan, "drift": nan, "creep": 0, "touching": 0.0,
     "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
@@ -455,14 +485,18 @@ STORED: dict[str, Any] = {
     0.00499168053, "touching_5": 0.818181818, "saturated_5": 0.0303030303, "contacts_5": 2.0}},
     "a run of a slider": {"whole": {"unstable_from": nan, "early": 3.92159686e-05, "prior": 1.80487795e-05, "late":
     1.44808545e-05, "ripple": 8.38348933e-05, "ripple_before": 0.000106579364, "swing": 6.17172458e-05, "swing_before":
-    7.77792839e-05, "trend": 2.21176475e-05, "trend_before": 2.88000798e-05, "shift": 3.46987697e-05, "shift_ratio":
+    7.77792839e-05,
+    "widening": 0.0, "turns": 4.93968811,
+    "trend": 2.21176475e-05, "trend_before": 2.88000798e-05, "shift": 3.46987697e-05, "shift_ratio":
     1.89930511, "shift_fifths": 1, "deflection": 0.00224495703, "error": nan, "drift": nan, "creep": 0.0, "touching":
     1.0, "contacts": 0.0, "apart": 0.0, "saturated": 0.03, "pressed": False, "beyond": False, "constant": True,
     "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local": False, "fluctuation": nan, "traction":
     nan, "release": nan, "onward": nan, "lossy": False, "generated": -0.0146019751,
     "generated_before": -0.0347747309}, "part":
     {"unstable_from": nan, "early": 4.91506962e-05, "prior": 3.01141683e-05, "late": 1.80487795e-05, "ripple":
-    0.000106579364, "ripple_before": 0.000126853475, "swing": 7.69267891e-05, "swing_before": 0.000117814896, "trend":
+    0.000106579364, "ripple_before": 0.000126853475, "swing": 7.69267891e-05, "swing_before": 0.000117814896,
+    "widening": 0.0, "turns": 4.63156669,
+    "trend":
     2.96525747e-05, "trend_before": 9.03857962e-06, "shift": 2.70051728e-05, "shift_ratio": 0.298071072,
     "shift_fifths": 1, "deflection": 0.00224486986, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
@@ -470,7 +504,9 @@ STORED: dict[str, Any] = {
     "release": nan, "onward": nan, "lossy": False, "generated": 0.016963891, "generated_before": -0.00692638031},
     "short":
     {"unstable_from": nan, "early": 1.30121964e-05, "prior": 3.53302926e-06, "late": 1.0074347e-05, "ripple":
-    5.0821366e-05, "ripple_before": 2.09206446e-05, "swing": 7.47849062e-06, "swing_before": 2.11966181e-06, "trend":
+    5.0821366e-05, "ripple_before": 2.09206446e-05, "swing": 7.47849062e-06, "swing_before": 2.11966181e-06,
+    "widening": 0.0, "turns": 0.575866501,
+    "trend":
     4.33428754e-05, "trend_before": 1.88009828e-05, "shift": 3.03440274e-05, "shift_ratio": 1.12511381, "shift_fifths":
     2, "deflection": 0.00224652297, "error": nan, "drift": nan, "creep": 0, "touching": 1.0, "contacts": 0.0, "apart":
     0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution": 0, "linear": 0, "decay":
@@ -599,15 +635,15 @@ STORED: dict[str, Any] = {
     126}, "sum": 736861404, "axes": [0, 16, 6, 178], "numbers": [6.444, 0.000274624183, 780.000191]},
     "reasons at rest without a linear loop": {"kinds": {"an oscillation by # mm along x at # Hz grows by a ": 1,
     "an oscillation by # mm along z at # Hz grows by a ": 3, "at the end the drive is at its limit # % of the ti": 1,
-    "it has not settled after # s, and still moves by #": 2, "it oscillates by # mm along x at # Hz, and keeps #": 2,
-    "it oscillates by # mm along z at # Hz, and keeps #": 8, "it rests # % from force over stiffness": 1,
-    "it rests # % from force over stiffness; the linear": 2, "it rests -# % from force over stiffness": 1,
-    "it rests -# % from force over stiffness; the linea": 6, "it rests in the last fifth alone, and moved by # m": 3,
-    "its mean position still shifts, and # mm may be le": 10, "the body may creep by another # mm: give a run#dur": 2,
-    "the command still changes, by # % of the largest f": 7, "the device cannot reach the rest, the deflection o": 5,
-    "the external force changes until the end: hold it ": 6, "the run of # s does not show the growth; it ends w": 4,
-    "the tip is off the object in # % of the time since": 10, "the tip rests within # mm": 126}, "sum": 20776322,
-    "axes": [3, 0, 15, 182], "numbers": [1.46, 0.000338503325, 1363.3909]},
+    "it has not settled after # s, and still moves by #": 9, "it oscillates by # mm along z at # Hz, and keeps #": 2,
+    "it rests # % from force over stiffness": 1, "it rests # % from force over stiffness; the linear": 2,
+    "it rests -# % from force over stiffness": 1, "it rests -# % from force over stiffness; the linea": 6,
+    "it rests in the last fifth alone, and moved by # m": 3, "its mean position still shifts, and # mm may be le": 10,
+    "the body may creep by another # mm: give a run#dur": 3, "the command still changes, by # % of the largest f": 7,
+    "the device cannot reach the rest, the deflection o": 5, "the external force changes until the end: hold it ": 6,
+    "the run of # s does not show the growth; it ends w": 4, "the tip is off the object in # % of the time since": 10,
+    "the tip rests within # mm": 126}, "sum": 152002604, "axes": [1, 0, 9, 190], "numbers": [1.46, 0.000186441539,
+    766.214108]},
     "reasons of oscillations": {"kinds": {"an oscillation by # mm along y at # Hz grows by a ": 13,
     "at the end the drive is at its limit # % of the ti": 6, "it has not settled after # s, and still moves by #": 15,
     "it oscillates by # mm along y at # Hz": 26, "it oscillates by # mm along y at # Hz, and keeps #": 13,
@@ -651,15 +687,15 @@ STORED: dict[str, Any] = {
     "the run leaves the unstable equilibrium at its sta": 1, "the tip is off the object in # % of the time since": 6,
     "the tip rests within # mm; contact lost for # ms o": 26}, "sum": 3434839185, "axes": [0, 0, 24, 176], "numbers":
     [5.144, 0.000429431905, 2420.3459]},
-    "reasons of motions to a target": {"kinds": {"after # s it is # % from force over stiffness, and": 122,
+    "reasons of motions to a target": {"kinds": {"after # s it is # % from force over stiffness, and": 126,
     "after # s it is -# % from force over stiffness, an": 4, "an oscillation by # mm along x at # Hz grows by a ": 1,
     "at the end the drive is at its limit # % of the ti": 8, "it has not settled after # s, and still moves by #": 2,
-    "it oscillates by # mm along x at # Hz, and keeps #": 5, "it rests # % from force over stiffness; contact lo": 17,
+    "it rests # % from force over stiffness; contact lo": 17, "it rests in the last fifth alone, and moved by # m": 1,
     "its mean position still shifts, and # mm may be le": 9, "the body may creep by another # mm: give a run#dur": 1,
     "the command still changes, by # % of the largest f": 4, "the device cannot reach the rest, the deflection o": 5,
     "the external force changes until the end: hold it ": 6, "the run alone is judged: unstable; it ends with an": 1,
     "the run of # s does not show the growth; it ends w": 5, "the tip is off the object in # % of the time since": 10},
-    "sum": 313736035, "axes": [12, 0, 0, 188], "numbers": [4.8, 0.000345865654, 372.198739]},
+    "sum": 1885325515, "axes": [7, 0, 0, 193], "numbers": [4.8, 0.000201754965, 219.137514]},
     "reasons of a body that creeps": {"kinds": {"after # s it is -# % from force over stiffness, an": 1,
     "an oscillation by # mm along y at # Hz grows by a ": 4, "at the end the drive is at its limit # % of the ti": 8,
     "it oscillates by # mm along y at # Hz, and keeps #": 11, "it rests # % from force over stiffness; contact lo": 5,

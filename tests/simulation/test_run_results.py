@@ -553,7 +553,9 @@ STORED: dict[str, Any] = {
     [[0.0206337677, -0.00235191887, -0.821365442], 9, 1, 0.008, False, False, True, False], "response": [957.996207,
     899.171909, 9], "loop": [0.992979989, ""], "friction": None, "evidence": {"unstable_from": nan, "early":
     7.17438393e-07, "prior": 1.04551398e-07, "late": 3.73957039e-08, "ripple": 4.04785991e-05, "ripple_before":
-    3.99133251e-05, "swing": 3.2149669e-06, "swing_before": 7.29742388e-06, "trend": 3.72636322e-05, "trend_before":
+    3.99133251e-05, "swing": 3.2149669e-06, "swing_before": 7.29742388e-06,
+    "widening": 0.0, "turns": 0.305357847,
+    "trend": 3.72636322e-05, "trend_before":
     3.26159012e-05, "shift": 0.000166543133, "shift_ratio": 2.18809335, "shift_fifths": 2, "deflection":
     0.000910556808, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.0,
     "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution": 0.0, "linear": 1, "decay":
@@ -580,6 +582,8 @@ STORED: dict[str, Any] = {
     [0.992895439, ""], "friction": {"fluctuation": 0.00445766336, "traction": 0.47336829, "release": 0.00104663153},
     "evidence": {"unstable_from": nan, "early": 6.16063571e-07, "prior": 1.17882986e-07, "late": 4.55259692e-08,
     "ripple": 1.37141659e-05, "ripple_before": 3.75846541e-05, "swing": 2.14593808e-06, "swing_before": 4.46044326e-06,
+    "widening": 0.0, "turns": 0.404831833,
+
     "trend": 1.15682278e-05, "trend_before": 3.31242109e-05, "shift": 4.3772544e-05, "shift_ratio": 3.47433791,
     "shift_fifths": 2, "deflection": 0.00118034616, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
     "contacts": 0.0, "apart": 0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution":
@@ -604,7 +608,9 @@ STORED: dict[str, Any] = {
     [[0.0201276362, -0.00229710891, -0.821568423], 9, 1, 0.008, False, False, False, False], "response": [958.067773,
     1780.03267, 9], "loop": [0.992972872, ""], "friction": None, "evidence": {"unstable_from": nan, "early":
     1.7728041e-07, "prior": 5.18438474e-08, "late": 1.75789366e-08, "ripple": 3.49627822e-05, "ripple_before":
-    3.51402438e-05, "swing": 5.25754814e-07, "swing_before": 2.88635074e-06, "trend": 3.44370274e-05, "trend_before":
+    3.51402438e-05, "swing": 5.25754814e-07, "swing_before": 2.88635074e-06,
+    "widening": 0.0, "turns": 0.226370362,
+    "trend": 3.44370274e-05, "trend_before":
     3.22538931e-05, "shift": 9.70237937e-05, "shift_ratio": 1.96433819, "shift_fifths": 1, "deflection":
     0.000910722534, "error": nan, "drift": nan, "creep": 8.04746861e-13, "touching": 1.0, "contacts": 0.0, "apart":
     0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution": 0.0, "linear": 1, "decay":
@@ -630,7 +636,9 @@ STORED: dict[str, Any] = {
     1.0]], [0.012, 0.011, 0.012]], "held": [[-0.0144872224, -0.0192305804, -1.65738897], 7, 1, 0.008, False, False,
     True, True], "response": [776.238973, 600.290812, 7], "loop": [0.992590695, ""], "friction": None, "evidence":
     {"unstable_from": nan, "early": 1.4267027e-06, "prior": 2.13760407e-07, "late": 6.1000629e-08, "ripple":
-    2.25634818e-05, "ripple_before": 3.77419374e-05, "swing": 4.90273063e-06, "swing_before": 2.37458564e-05, "trend":
+    2.25634818e-05, "ripple_before": 3.77419374e-05, "swing": 4.90273063e-06, "swing_before": 2.37458564e-05,
+    "widening": 0.0, "turns": 0.294380439,
+    "trend":
     1.76607511e-05, "trend_before": 1.3996081e-05, "shift": 0.000216771027, "shift_ratio": 0.170742376, "shift_fifths":
     2, "deflection": 0.00223280173, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0, "contacts": 0.0,
     "apart": 0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution": 0.0, "linear": 1,

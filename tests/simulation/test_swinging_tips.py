@@ -53,6 +53,37 @@ def test_a_slow_decay_is_no_sustained_oscillation(duration: float) -> None:
     assert verdict.state in (State.UNDECIDED, State.SETTLED)
 
 
+@pytest.mark.parametrize("duration", [2.0, 3.0])
+def test_impacts_that_swing_farther_in_each_fifth_grow(duration: float) -> None:
+    """Their second differences grow by less than irregular impacts may; the loop later leaves the device's reach."""
+    hand = arm(0.206936, 0.164204, 374.704, [0.158113, -0.144048, -0.849748])
+    body = {"radius": "8 mm", "stiffness_scale": 1.0569136010689872, "kind": "compliance"}
+    place = ["-2.56159 mm", "1.06675 mm", "-8.64853 mm"]
+    servo = {"topology": "impedance_display", "period": "2 ms"}
+    loop = tables(body | {"static_friction": 0.1463408989746692}, place, hand, run={"duration": f"{duration} s"})
+    verdict = simulate({**loop, "servo": servo}).verdict
+    assert verdict.state is State.UNSTABLE
+    assert "grows by a factor" in verdict.reason
+
+
+@pytest.mark.parametrize("duration", [0.7, 1.0, 1.4])
+def test_a_slow_swing_is_neither_unstable_nor_sustained_by_its_phase(duration: float) -> None:
+    """A sideways swing of 0.23 s that decays, in fifths of less than a period or little more; so is its certificate."""
+    operator = {"kind": "arm", "mass": "0.227215 kg", "damping": "0.210747 N*s/m", "stiffness": "308.921 N/m"}
+    loop = tables(
+        {"radius": "10 mm", "stiffness_scale": 14.249062856561117, "kind": "signed_distance"},
+        ["-2.51346 mm", "-0.287837 mm", "-10.6654 mm"],
+        operator,
+        reference={"shape": "ramp", "rise": "0.1 s", "force": ["0.176871 N", "0.131859 N", "-1.81506 N"]},
+        controller={"kind": "lead_lag", "stiffness": "1 N/mm"},
+        run={"duration": f"{duration} s"},
+    )
+    loop["device"] = {"name": "phantom-premium-1.5a", "delay": 1}
+    loop["servo"] = {"topology": "force_tracking", "period": "0.5 ms"}
+    assert simulate(loop).verdict.state is State.UNDECIDED
+    assert certify(loop).verdict.state is State.UNDECIDED
+
+
 def test_a_fixed_tip_that_begins_inside_a_body_without_contact_is_off_it() -> None:
     body = {"kind": "signed_distance"}
     trace = simulate(tables(body, ["0 mm", "0 mm", "4 mm"], {"kind": "fixed"}, run={"duration": "0.1 s"}))

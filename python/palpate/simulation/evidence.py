@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from palpate.simulation.friction_hold import arm_spring, friction_hold, friction
 from palpate.simulation.linear_evidence import linear_sign
 from palpate.simulation.recorded import Recorded, held_tip, of_each_object, without_trend
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
-from palpate.simulation.verdict import BAND, FLOOR, Evidence
+from palpate.simulation.verdict import BAND, FLOOR, GROWING, STILL, Evidence
 from palpate.simulation.windows import Window
 
 FASTEST: Final = 1e100  # growth in a fifth of the window above which it is all the same
@@ -71,7 +72,7 @@ def evidence(
         kept: as in Evidence.
     """
     first, last, fifth, ending = window.begin, window.end, window.fifth, window.ending
-    before = slice(ending.start - max(fifth, 1), ending.start)
+    before = window.part(3, 4)
     moved = 0 if scenario is None else moved_until(trace, scenario)
     resting = slice(max(before.start, moved), before.stop)
     tip, every = held_tip(trace), 1 if scenario is None else scenario.run.record_every
@@ -85,8 +86,9 @@ def evidence(
     deflection = trace["deflection"] if "deflection" in trace else tip - tip[0]
     touching = trace["touching"][:, 0] > 0.0
     lost = pushed_through(trace) is not None
-    swings, deep = swing(trace.time[ending], tip[ending]), float(np.linalg.norm(deflection[ending].mean(axis=0)))
-    rounded = swings <= ROUNDING * deep and scenario is not None and _has_body(scenario)
+    swings = [swing(trace.time[rows], tip[rows]) for rows in (window.part(k, k + 1) for k in range(1, 5))]
+    deep = float(np.linalg.norm(deflection[ending].mean(axis=0)))
+    rounded = swings[-1] <= ROUNDING * deep and scenario is not None and _has_body(scenario)
     known: dict[str, Any] = {} if scenario is None else _known(trace, scenario, window, deflection, touching)
     if not np.isnan(kept):
         known["creep"] = 0.0  # a push is judged by the response to it
@@ -98,9 +100,11 @@ def evidence(
         late=0.0 if rounded else late,
         ripple=float(np.ptp(tip[ending], axis=0).max(initial=0.0)) / 2.0,
         ripple_before=float(np.ptp(tip[resting], axis=0).max()) / 2.0 if resting.start < resting.stop else np.nan,
-        swing=swings,
-        swing_before=swing(trace.time[before], tip[before]),
-        **_shifts(tip[: last + 1], window, late, swings),
+        swing=swings[-1],
+        swing_before=swings[-2],
+        widening=_widening(swings),
+        turns=_turns(fifth, late, swing(trace.time[window.part(2, 5)], tip[window.part(2, 5)])),
+        **_shifts(tip[: last + 1], window, late, swings[-1]),
         deflection=deep,
         touching=0.0 if lost else float(touching[ending].mean()),  # lost in a body, the tip may still touch others
         contacts=float(np.count_nonzero(touching[ending] & ~touching[last - fifth : last])),
@@ -241,7 +245,7 @@ def second_differences(time: Array, tip: Array, interval: float | None) -> Array
 def swing(time: Array, tip: Array) -> float:
     """Return half the range of the tip (n, 3) without its quadratic trend in time (n,), m, largest of the axes."""
     if len(time) < 8:
-        return float(np.ptp(tip, axis=0).max(initial=0.0)) / 2.0
+        return float(np.ptp(tip, axis=0).max(initial=0.0)) / 2.0 if len(time) else 0.0
     return float(np.ptp(without_trend(tip), axis=0).max()) / 2.0
 
 
@@ -262,7 +266,7 @@ def _shifts(tip: Array, window: Window, late: float, amplitude: float) -> dict[s
         end = n - back * size
         return float(np.linalg.norm(_mean(tip[end - size : end]) - _mean(tip[end - 2 * size : end - size])))
 
-    turns = fifth * float(np.sqrt(late / amplitude)) / (2.0 * np.pi) if amplitude > 0.0 else np.inf
+    turns = _turns(fifth, late, amplitude)
     span = 1 if turns >= CLEAR else 2
     leak = 2.0 * _passed(span * turns) * amplitude
     return {
@@ -270,6 +274,18 @@ def _shifts(tip: Array, window: Window, late: float, amplitude: float) -> dict[s
         "shift_ratio": moved(fifth) / max(moved(fifth, 1), 1e-300),
         "shift_fifths": span,
     }
+
+
+def _turns(rows: int, late: float, amplitude: float) -> float:
+    """Return the periods in so many rows of an oscillation, m, whose largest second difference is `late`, m."""
+    return rows * float(np.sqrt(late / amplitude)) / (2.0 * np.pi) if amplitude > 0.0 else np.inf
+
+
+def _widening(swings: list[float]) -> float:
+    """Return the mean factor from each of the swings to the next; 0 unless each is larger than the one before."""
+    if not all(later > GROWING * earlier for earlier, later in pairwise(swings)):
+        return 0.0
+    return float((swings[-1] / max(swings[0], STILL)) ** (1.0 / (len(swings) - 1)))
 
 
 def _mean(tip: Array) -> Array:

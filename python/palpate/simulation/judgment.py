@@ -186,7 +186,8 @@ def _explained(
         reason = _hidden(trace, e, swing, linear)
     elif state is State.UNSTABLE:
         since = float(time[window.begin])
-        reason = f"an oscillation by {swing} grows by a factor of {_factor(ratio)} in {span}"
+        factor = _factor(ratio if ratio > GROWING else float(np.fmax(ratio, e.widening[0])))
+        reason = f"an oscillation by {swing} grows by a factor of {factor} in {span}"
     elif state is State.OUT_OF_REACH:
         since, reason = _reach(trace, scenario, window)
     elif state is State.CONTACT_LOST:

@@ -30,9 +30,11 @@ __all__ = [
 STILL = 1e-14  # m, second differences of tip positions at rounding level
 GROWING = 1.02  # growth factor of an oscillation per fifth of the window above which it grows
 SUSTAINED = 0.9  # the same below which it decays; the maxima of endless impacts scatter by a tenth
-STEADILY = 0.5  # share of the mean rate of decay, or its inverse, within which an oscillation decays steadily
+STEADILY = (0.25, 2.0)  # shares of the mean rate of decay between which an oscillation decays steadily
 COUNTED = 5.0  # of two encoder counts: oscillation above which counts do not bound its decay
 IMPACT_GROWTH = 1.5  # growth factor that irregular impacts may have without growing
+WIDENING = 1.2  # growth factor of the swing per fifth above which impacts grow whose swing grows in each fifth
+PERIOD = 1.0  # periods per fifth below which the maxima in two fifths may differ by their phase
 SMALL = 1e-9  # m, likewise
 BAND = 0.05  # of the deflection: a settled loop stays within it, and this near to force over stiffness
 VISIBLE = 1e-4  # of the deflection: a smaller oscillation grows only if it did so from the second fifth on
@@ -160,6 +162,9 @@ class Evidence:
         ripple_before: the same in the fourth fifth; nan if unknown.
         swing: amplitude of the oscillation in the last fifth: the same without the trend of the motion, m.
         swing_before: the same in the fourth fifth, m; nan if unknown.
+        widening: growth factor of the swing per fifth from the second to the last; 0 unless it grows in each, nan if
+            unknown.
+        turns: periods of the oscillation per fifth; nan if unknown.
         trend: half the range of the trend in the last fifth, m: ripple without swing.
         trend_before: the same in the fourth fifth, m; nan if unknown.
         shift: distance of the tip's weighted means in the last two stretches of `shift_fifths`, less the oscillation's
@@ -200,6 +205,8 @@ class Evidence:
     ripple_before: Array
     swing: Array
     swing_before: Array
+    widening: Array
+    turns: Array
     trend: Array
     trend_before: Array
     shift: Array
@@ -232,9 +239,10 @@ class Evidence:
     @classmethod
     def of(cls, count: int, **values: Any) -> Evidence:
         """Return the evidence of `count` loops; what is not given is unknown, absent or zero."""
-        names = ("ripple_before", "swing_before", "shift", "shift_ratio", "error", "drift", "decay", "kept")
+        names = ("ripple_before", "swing_before", "widening", "turns", "shift", "shift_ratio", "error", "drift")
         friction = ("fluctuation", "traction", "release", "onward")
-        unknown = dict.fromkeys((*names, *friction, "generated", "generated_before"), np.nan)
+        others = ("decay", "kept", "generated", "generated_before")
+        unknown = dict.fromkeys((*names, *friction, *others), np.nan)
         none = dict.fromkeys(("contacts", "apart", "saturated", "resolution", "linear", "creep"), 0)
         swing = values.get("swing", values["ripple"])
         before = values.get("ripple_before", np.nan) - values.get("swing_before", np.nan)
@@ -365,7 +373,9 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     visible = e.swing > np.maximum(np.maximum(e.resolution, SMALL), VISIBLE * e.deflection)
     real = visible | ((e.resolution == 0.0) & (mean > GROWING) & (e.prior > STILL))
     travels = e.ripple > TRAVEL * e.swing  # a tip that slides on is not judged by its bumps
-    grows = ~travels & (ratio > np.where(e.contacts >= 1, IMPACT_GROWTH, GROWING)) & wider & real
+    slow = e.turns < PERIOD
+    grows = ~travels & ~slow & (ratio > np.where(e.contacts >= 1, IMPACT_GROWTH, GROWING)) & wider & real
+    grows |= ~travels & (e.contacts >= 1) & (e.widening > WIDENING) & visible
     lost = e.pressed & ((e.touching == 0.0) | ((e.touching < 0.5) & (e.contacts <= MOST_CONTACTS)))
     lost |= (e.apart > APART) & (e.contacts <= MOST_CONTACTS)
     limited = stable & (e.saturated > SHARE)  # the motion to a new rest when the drive gets warm
@@ -380,10 +390,10 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     impact = (e.contacts >= 1) & (mean < SUSTAINED)  # its bounces decay, if not from each fifth to the next
     with np.errstate(divide="ignore", invalid="ignore"):
         decay = np.log(ratio) / np.log(mean)  # of the last fifth over the mean
-    falls = (mean < 1.0 / GROWING) & (decay > STEADILY) & (decay < 1.0 / STEADILY)
+    falls = (mean < 1.0 / GROWING) & (decay > STEADILY[0]) & (decay < STEADILY[1])
     falls &= (e.linear >= 0) & (e.contacts == 0) & (e.swing > COUNTED * e.resolution)
-    sustained = ~travels & (ratio >= SUSTAINED) & (e.swing > least) & ~decays & ~impact
-    swings = bounces | persists | (sustained & ~falls)
+    sustained = ~travels & ~slow & (ratio >= SUSTAINED) & (e.swing > least) & ~decays & ~impact
+    swings = bounces | (persists & ~(falls & (e.linear == 0))) | (sustained & ~falls)
     creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     # where contact slips, encoder counts move the tip on more slowly than the linear loop decays
@@ -393,7 +403,7 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     rests &= stable | ~(e.ripple_before > BEFORE * band)  # a turning point of a slow motion looks like rest
     rests &= stable | ~generates(e)
     rests &= stable | ~chatters(e)
-    rests &= ~slips(e) & ~sustained
+    rests &= ~slips(e) & ~sustained & ~persists
     state = np.select(
         [
             unstable,

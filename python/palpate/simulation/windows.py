@@ -33,7 +33,12 @@ class Window:
     @property
     def ending(self) -> slice:
         """Rows of the last fifth."""
-        return slice(self.end - max(self.fifth, 1) + 1, self.end + 1)
+        return self.part(4, 5)
+
+    def part(self, begin: int, end: int) -> slice:
+        """Return the rows from the beginning of fifth `begin` to that of fifth `end`, from 0 to 5."""
+        fifth = max(self.fifth, 1)
+        return slice(max(self.end + 1 - (5 - begin) * fifth, 0), max(self.end + 1 - (5 - end) * fifth, 0))
 
 
 def constant_stretches(forces: ArrayLike) -> Indices:

@@ -315,8 +315,9 @@ UNHELD = {**SHAKEN, "fluctuation": 0.01, "traction": 0.5, "release": np.inf}
         ({}, "beyond", False, True, State.OUT_OF_REACH),
         ({}, "constant", True, False, State.UNDECIDED),
         ({"pressed": True}, "contacts", 3, 4, State.BOUNDED_OSCILLATION),
-        (STEADY | {"prior": 1e-6}, "late", 0.899e-6, 0.901e-6, State.BOUNDED_OSCILLATION),
-        (STEADY | {"ripple": 2e-6, "ripple_before": 2e-6}, "turns", 0.99, 1.01, State.BOUNDED_OSCILLATION),
+        (STEADY, "late", 0.699e-6, 0.701e-6, State.UNDECIDED),
+        (STEADY | {"linear": 1, "decay": 0.5**4, "local": True}, "late", 0.499e-6, 0.501e-6, State.UNDECIDED),
+        (STEADY | {"linear": 1}, "turns", 0.99, 1.01, State.BOUNDED_OSCILLATION),
         (STEADY | {"trend": 0.0}, "swing", 0.99e-5, 1.01e-5, State.BOUNDED_OSCILLATION),
         (STEADY | SMALL, "deflection", 1.51e-4, 1.49e-4, State.BOUNDED_OSCILLATION),
         (STEADY | SMALL | {"deflection": 0.0, "ripple": 9e-7}, "swing", 0.99e-6, 1.01e-6, State.BOUNDED_OSCILLATION),
@@ -369,6 +370,12 @@ def test_a_loop_is_settled_up_to_each_threshold_and_not_beyond(
     else:
         assert state(**{**change, name: inside}) is State.SETTLED
     assert state(**{**change, name: outside}) is expected
+
+
+def test_a_visible_oscillation_without_a_linear_loop_is_rest_or_sustained_by_its_decay() -> None:
+    rests, decays, lasts = (state(**{**STEADY, "late": late}) for late in (0.69e-6, 0.899e-6, 0.901e-6))
+    assert (rests, decays, lasts) == (State.SETTLED, State.UNDECIDED, State.BOUNDED_OSCILLATION)
+    assert state(**STEADY, turns=0.99) is State.UNDECIDED
 
 
 def test_an_unstable_linear_loop_is_undecided_only_where_something_hides_it() -> None:

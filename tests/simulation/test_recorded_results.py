@@ -290,11 +290,11 @@ nan, inf = np.nan, np.inf
 STORED: dict[str, Any] = {
     "loops at rest with one change or two": {"states": [16169, 523, 486, 327, 282, 334, 1879, 0], "weighted": 820730.0,
     "ahead": 544104.387, "growth": 351371.323, "others": [0.0, 190.0, 0.0]},
-    "loops at rest with many changes": {"states": [10446, 1253, 1429, 1018, 822, 942, 4090, 0], "weighted": 1933127.0,
+    "loops at rest with many changes": {"states": [10444, 1253, 1429, 1018, 822, 942, 4092, 0], "weighted": 1933949.0,
     "ahead": 1414797.34, "growth": 895572.703, "others": [132.0, 2809.0, 34.0]},
     "loops at rest without a linear loop": {"states": [15166, 132, 553, 344, 364, 386, 3055, 0], "weighted": 1154824.0,
     "ahead": 906759.706, "growth": 401011.085, "others": [0.0, 461.0, 104.0]},
-    "loops that oscillate": {"states": [1615, 15321, 731, 388, 345, 375, 1225, 0], "weighted": 1389743.0, "ahead":
+    "loops that oscillate": {"states": [1610, 15321, 731, 388, 345, 375, 1230, 0], "weighted": 1390943.0, "ahead":
     90036.2495, "growth": 982531.056, "others": [1351.0, 33647.0, 0.0]},
     "loops that oscillate without a linear loop": {"states": [494, 15574, 750, 399, 363, 378, 2042, 0], "weighted":
     1654669.0, "ahead": 359945.195, "growth": 969457.791, "others": [572.0, 32732.0, 0.0]},
@@ -341,40 +341,32 @@ STORED: dict[str, Any] = {
     "contacts_5": 0.0}},
     "a run of a hand on a wall": {"whole": {"unstable_from": nan, "early": 4.05472439e-05, "prior": 1.50779803e-05,
     "late": 1.37201128e-05, "ripple": 8.34652535e-05, "ripple_before": 9.84697471e-05, "swing": 7.1543545e-05,
-    "swing_before": 8.30271176e-05,
-    "widening": 0.0, "turns": 4.08932871,
-    "trend": 1.19217085e-05, "trend_before": 1.54426295e-05, "shift": 2.31586515e-05,
-    "shift_ratio": 0.721689878, "shift_fifths": 1, "deflection": 0.00224483702, "error": nan, "drift": nan, "creep":
-    0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.03, "pressed": True, "beyond": False,
-    "constant": True, "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local": False, "fluctuation":
-    nan, "traction": nan, "release": nan, "onward": nan, "lossy": False, "generated": -0.273154932,
-    "generated_before": -0.910369104},
-    "part": {"unstable_from": nan, "early": 4.45873555e-05, "prior": 8.17512635e-05, "late": 1.50779803e-05, "ripple":
-    9.84697471e-05, "ripple_before": 0.000209453056, "swing": 7.3200614e-05, "swing_before": 0.000210889903,
-    "widening": 0.0, "turns": 3.90785581,
-    "trend":
-    2.52691331e-05, "trend_before": -1.43684638e-06, "shift": 3.30190772e-05, "shift_ratio": 0.780683455,
-    "shift_fifths": 1, "deflection": 0.00224491961, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
-    "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
+    "swing_before": 8.30271176e-05, "widening": 0.0, "turns": 4.08932871, "trend": 1.19217085e-05, "trend_before":
+    1.54426295e-05, "shift": 2.31586515e-05, "shift_ratio": 0.721689878, "shift_fifths": 1, "deflection":
+    0.00224483702, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.0,
+    "saturated": 0.03, "pressed": True, "beyond": False, "constant": True, "resolution": 0.0, "linear": 1, "decay":
+    0.132619556, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan,
+    "lossy": False, "generated": -0.273154932, "generated_before": -0.910369104}, "part": {"unstable_from": nan,
+    "early": 4.45873555e-05, "prior": 8.17512635e-05, "late": 1.50779803e-05, "ripple": 9.84697471e-05,
+    "ripple_before": 0.000209453056, "swing": 7.3200614e-05, "swing_before": 0.000210889903, "widening": 0.0, "turns":
+    3.90785581, "trend": 2.52691331e-05, "trend_before": -1.43684638e-06, "shift": 3.30190772e-05, "shift_ratio":
+    0.780683455, "shift_fifths": 1, "deflection": 0.00224491961, "error": nan, "drift": nan, "creep": 0.0, "touching":
+    1.0, "contacts": 0.0, "apart": 0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
     "resolution": 0.0, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": False, "fluctuation": nan, "traction":
     nan, "release": nan, "onward": nan, "lossy": False, "generated": -1.09180318, "generated_before": 0.760572605},
-    "short":
-    {"unstable_from": nan, "early": 5.34252867e-06, "prior": 9.50112822e-06, "late": 9.10435459e-06, "ripple":
-    3.9872153e-05, "ripple_before": 3.3164056e-05, "swing": 6.43927489e-06, "swing_before": 4.10670384e-06,
-    "widening": 0.0, "turns": 0.611862707,
-    "trend":
-    3.34328782e-05, "trend_before": 2.90573522e-05, "shift": 8.11822971e-05, "shift_ratio": 0.726870584,
-    "shift_fifths": 2, "deflection": 0.00224629024, "error": nan, "drift": nan, "creep": 0, "touching": 1.0,
-    "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
-    0, "linear": 0, "decay": nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan,
-    "onward": nan,
-    "lossy": False, "generated": nan, "generated_before": nan}, "balance": {"supplied": 0.000250973322, "generated":
-    -6.2935716e-05, "generated_before": -0.000202021161, "relative": [-0.250766558, -0.804950738]}, "resolution": [0.0,
-    0.0, 0.0, 0.0], "lossy": False, "friction": 0.0, "interruption": 0.005, "expected": [None, None, None], "outcome":
-    {"unstable_from": nan, "oscillation_2": 4.05472439e-05, "oscillation_4": 1.50779803e-05, "oscillation_5":
-    1.37201128e-05, "ripple": 8.34652535e-05, "steady_tip": [-4.03368609e-05, -0.000108035205, -2.01356109e-05],
-    "peak_object_force": 1.12882893, "peak_command_force": 1.12921494, "touching": 0.925124792, "saturated":
-    0.00499168053, "touching_5": 1.0, "saturated_5": 0.0303030303, "contacts_5": 0.0}},
+    "short": {"unstable_from": nan, "early": 5.34252867e-06, "prior": 9.50112822e-06, "late": 9.10435459e-06, "ripple":
+    3.9872153e-05, "ripple_before": 3.3164056e-05, "swing": 6.43927489e-06, "swing_before": 4.10670384e-06, "widening":
+    0.0, "turns": 0.611862707, "trend": 3.34328782e-05, "trend_before": 2.90573522e-05, "shift": 8.11822971e-05,
+    "shift_ratio": 0.726870584, "shift_fifths": 2, "deflection": 0.00224629024, "error": nan, "drift": nan, "creep": 0,
+    "touching": 1.0, "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant":
+    True, "resolution": 0, "linear": 0, "decay": nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan,
+    "release": nan, "onward": nan, "lossy": False, "generated": nan, "generated_before": nan}, "balance": {"supplied":
+    0.000250973322, "generated": -6.2935716e-05, "generated_before": -0.000202021161, "relative": [-0.250766558,
+    -0.804950738]}, "resolution": [0.0, 0.0, 0.0, 0.0], "lossy": False, "friction": 0.0, "interruption": 0.005,
+    "expected": [None, None, None], "outcome": {"unstable_from": nan, "oscillation_2": 4.05472439e-05, "oscillation_4":
+    1.50779803e-05, "oscillation_5": 1.37201128e-05, "ripple": 8.34652535e-05, "steady_tip": [-4.03368609e-05,
+    -0.000108035205, -2.01356109e-05], "peak_object_force": 1.12882893, "peak_command_force": 1.12921494, "touching":
+    0.925124792, "saturated": 0.00499168053, "touching_5": 1.0, "saturated_5": 0.0303030303, "contacts_5": 0.0}},
     "a run of a gripping hand that bounces": {"whole": {"unstable_from": nan, "early": 2.71382059e-05, "prior":
     3.43445456e-06, "late": 2.42180593e-06, "ripple": 1.61182561e-05, "ripple_before": 1.86327585e-05, "swing":
     1.118376e-05, "swing_before": 1.5539149e-05,
@@ -413,40 +405,33 @@ STORED: dict[str, Any] = {
     "saturated_5": 0.0303030303, "contacts_5": 2.0}},
     "a run on a mesh": {"whole": {"unstable_from": nan, "early": 3.98748696e-05, "prior": 3.43905027e-06, "late":
     3.33743484e-06, "ripple": 2.65606779e-05, "ripple_before": 2.35054127e-05, "swing": 1.90504846e-05, "swing_before":
-    1.96079318e-05,
-    "widening": 0.0, "turns": 2.22803823,
-    "trend": 7.51019329e-06, "trend_before": 3.89748092e-06, "shift": 3.10565351e-05, "shift_ratio":
-    0.462106697, "shift_fifths": 1, "deflection": 0.00224497228, "error": nan, "drift": nan, "creep": 0.0, "touching":
-    1.0, "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.03, "pressed": True, "beyond": False, "constant":
-    True, "resolution": 0.00011399115, "linear": 1, "decay": 0.132619556, "kept": nan, "local": True, "fluctuation":
-    nan, "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": -1.50412481,
-    "generated_before": -3.20163541},
-    "part": {"unstable_from": nan, "early": 4.4037325e-05, "prior": 0.000173359084, "late": 3.43905027e-06, "ripple":
-    2.35054127e-05, "ripple_before": 0.000171117934, "swing": 1.9129116e-05, "swing_before": 0.00017249426,
-    "widening": 0.0, "turns": 1.70000674,
-    "trend":
-    4.37629673e-06, "trend_before": -1.37632556e-06, "shift": 6.92190911e-05, "shift_ratio": 1.02572284,
-    "shift_fifths": 1, "deflection": 0.002245005, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
-    "contacts": 0.0, "apart": 0.00891265597, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
-    "resolution": 0.000114135827, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": True, "fluctuation": nan,
-    "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated": -2.77603859,
-    "generated_before": 1.05312029}, "short":
-    {"unstable_from": nan, "early": 2.81020972e-06, "prior": 3.16763576e-06, "late": 3.33743484e-06, "ripple":
-    1.53828229e-05, "ripple_before": 1.89503401e-05, "swing": 2.15187535e-06, "swing_before": 2.16123508e-06,
-    "widening": 0.0, "turns": 0.540632072,
-    "trend":
-    1.32309476e-05, "trend_before": 1.6789105e-05, "shift": 1.37367244e-05, "shift_ratio": 1.96919997, "shift_fifths":
-    2, "deflection": 0.00224485159, "error": nan, "drift": nan, "creep": 0, "touching": 1.0, "contacts": 0.0, "apart":
-    0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution": 0, "linear": 0, "decay":
-    nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan,
-    "lossy": False, "generated":
-    nan, "generated_before": nan}, "balance": {"supplied": 0.000339081912, "generated": -0.000496847838,
-    "generated_before": -0.00113794731, "relative": [-1.46527379, -3.35596582]}, "resolution": [0.000112727648,
-    0.000113839773, 0.000114244283, 0.00011399115], "lossy": True, "friction": 0.2, "interruption": 0.005, "expected":
-    [None, None, None], "outcome": {"unstable_from": nan, "oscillation_2": 3.98748696e-05, "oscillation_4":
-    3.43905027e-06, "oscillation_5": 3.33743484e-06, "ripple": 2.65606779e-05, "steady_tip": [2.88614003e-05,
-    -4.10707736e-05, -0.000133091372], "peak_object_force": 1.13246742, "peak_command_force": 1.13649524, "touching":
-    0.925124792, "saturated": 0.00499168053, "touching_5": 1.0, "saturated_5": 0.0303030303, "contacts_5": 0.0}},
+    1.96079318e-05, "widening": 0.0, "turns": 2.22803823, "trend": 7.51019329e-06, "trend_before": 3.89748092e-06,
+    "shift": 3.10565351e-05, "shift_ratio": 0.462106697, "shift_fifths": 1, "deflection": 0.00224497228, "error": nan,
+    "drift": nan, "creep": 0.0, "touching": 1.0, "contacts": 0.0, "apart": 0.0, "saturated": 0.03, "pressed": True,
+    "beyond": False, "constant": True, "resolution": 0.00011399115, "linear": 1, "decay": 0.132619556, "kept": nan,
+    "local": True, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated":
+    -1.50412481, "generated_before": -3.20163541}, "part": {"unstable_from": nan, "early": 4.4037325e-05, "prior":
+    0.000173359084, "late": 3.43905027e-06, "ripple": 2.35054127e-05, "ripple_before": 0.000171117934, "swing":
+    1.9129116e-05, "swing_before": 0.00017249426, "widening": 0.0, "turns": 1.70000674, "trend": 4.37629673e-06,
+    "trend_before": -1.37632556e-06, "shift": 6.92190911e-05, "shift_ratio": 1.02572284, "shift_fifths": 1,
+    "deflection": 0.002245005, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0, "contacts": 0.0, "apart":
+    0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution": 0.000114135827, "linear":
+    -1, "decay": 1.19939617, "kept": 0.4, "local": True, "fluctuation": nan, "traction": nan, "release": nan, "onward":
+    nan, "lossy": True, "generated": -2.77603859, "generated_before": 1.05312029}, "short": {"unstable_from": nan,
+    "early": 2.81020972e-06, "prior": 3.16763576e-06, "late": 3.33743484e-06, "ripple": 1.53828229e-05,
+    "ripple_before": 1.89503401e-05, "swing": 2.15187535e-06, "swing_before": 2.16123508e-06, "widening": 0.0, "turns":
+    0.540632072, "trend": 1.32309476e-05, "trend_before": 1.6789105e-05, "shift": 1.37367244e-05, "shift_ratio":
+    1.96919997, "shift_fifths": 2, "deflection": 0.00224485159, "error": nan, "drift": nan, "creep": 0, "touching":
+    1.0, "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True,
+    "resolution": 0, "linear": 0, "decay": nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan,
+    "release": nan, "onward": nan, "lossy": False, "generated": nan, "generated_before": nan}, "balance": {"supplied":
+    0.000339081912, "generated": -0.000496847838, "generated_before": -0.00113794731, "relative": [-1.46527379,
+    -3.35596582]}, "resolution": [0.000112727648, 0.000113839773, 0.000114244283, 0.00011399115], "lossy": True,
+    "friction": 0.2, "interruption": 0.005, "expected": [None, None, None], "outcome": {"unstable_from": nan,
+    "oscillation_2": 3.98748696e-05, "oscillation_4": 3.43905027e-06, "oscillation_5": 3.33743484e-06, "ripple":
+    2.65606779e-05, "steady_tip": [2.88614003e-05, -4.10707736e-05, -0.000133091372], "peak_object_force": 1.13246742,
+    "peak_command_force": 1.13649524, "touching": 0.925124792, "saturated": 0.00499168053, "touching_5": 1.0,
+    "saturated_5": 0.0303030303, "contacts_5": 0.0}},
     "a run in a scene": {"whole": {"unstable_from": nan, "early": 4.7120803e-05, "prior": 3.53813544e-05, "late":
     3.13792913e-05, "ripple": 0.000144081584, "ripple_before": 0.00015822419, "swing": 0.000142495818, "swing_before":
     0.000160783354,

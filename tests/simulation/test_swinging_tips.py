@@ -66,6 +66,40 @@ def test_impacts_that_swing_farther_in_each_fifth_grow(duration: float) -> None:
     assert "grows by a factor" in verdict.reason
 
 
+@pytest.mark.parametrize("duration", [1.2, 2.5, 8.0])
+def test_a_tip_that_rests_between_the_nodes_of_a_body_has_lost_contact_however_long_it_rests(duration: float) -> None:
+    hand = arm(0.252448, 1.1489, 481.478, [0.0758232, -0.124792, -0.487501])
+    body = {"stiffness_scale": 0.18693285049565403, "kind": "mass_spring"}
+    damping = {"rayleigh_alpha": "28.0262 1/s", "rayleigh_beta": "0.000582305 s"}
+    loop = tables(body | damping, ["3.63167 mm", "3.22378 mm", "-6.85301 mm"], hand, run={"duration": f"{duration} s"})
+    verdict = simulate({**loop, "servo": {"topology": "impedance_display", "period": "2 ms"}}).verdict
+    assert verdict.state is State.CONTACT_LOST
+    assert "it is between the nodes" in verdict.reason
+
+
+@pytest.mark.parametrize("duration", [1.0, 2.5])
+def test_the_bounces_of_an_impact_are_no_lost_contact_once_the_tip_stays(duration: float) -> None:
+    hand = arm(0.270622, 2.81262, 448.291, [-0.0607972, 0.0194402, -0.795911])
+    body = {"radius": "10 mm", "stiffness_scale": 3.6606956197459204, "kind": "modal", "modes": 20}
+    damping = {"rayleigh_alpha": "25.1128 1/s", "rayleigh_beta": "0.00058332 s"}
+    place = ["-2.00232 mm", "-3.03609 mm", "-10.335 mm"]
+    loop = tables(body | damping, place, hand, run={"duration": f"{duration} s"})
+    verdict = simulate({**loop, "servo": {"topology": "impedance_display", "period": "0.5 ms"}}).verdict
+    assert verdict.state is State.SETTLED
+
+
+@pytest.mark.parametrize("duration", [1.4, 2.0])
+def test_a_limit_cycle_beside_a_stable_linear_loop_is_no_rest(duration: float) -> None:
+    """Its amplitude is 2.6 % of the deflection, and is reached from above."""
+    hand = arm(0.173638, 1.34971, 192.401, [-0.157677, -0.120989, -1.73277])
+    body = {"stiffness_scale": 4.45059659473998, "kind": "mass_spring"}
+    damping = {"rayleigh_alpha": "19.775 1/s", "rayleigh_beta": "6.71433e-05 s"}
+    place = ["-3.35943 mm", "-0.0882857 mm", "-6.96163 mm"]
+    loop = tables(body | damping, place, hand, run={"duration": f"{duration} s"})
+    verdict = simulate({**loop, "servo": {"topology": "impedance_display", "period": "2 ms"}}).verdict
+    assert verdict.state is (State.UNDECIDED if duration < 2.0 else State.BOUNDED_OSCILLATION)
+
+
 @pytest.mark.parametrize("duration", [0.7, 1.0, 1.4])
 def test_a_slow_swing_is_neither_unstable_nor_sustained_by_its_phase(duration: float) -> None:
     """A sideways swing of 0.23 s that decays, in fifths of less than a period or little more; so is its certificate."""

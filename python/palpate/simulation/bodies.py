@@ -23,7 +23,7 @@ from palpate.fem.support_changes import SupportChange
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
 from palpate.simulation.moving_frame import touching_tip
-from palpate.simulation.recorded import Recorded
+from palpate.simulation.recorded import Recorded, recorded_scenario
 from palpate.simulation.support_phase import support_phase
 from palpate.simulation.tool_motion import step_body, tick_times, tool_in_body
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 Tell = Callable[[str, float], None]
 _FEW = 3  # nodes of a body that stands for a spring: its extent tells nothing of a tip
+_SLIGHT = 0.01  # of the radius of a tip: depth below the surface that does not count
 _MAKING = 3  # version of the construction; a new one invalidates cached bodies
 
 
@@ -114,6 +115,20 @@ def tip_depths(trace: Recorded, rows: slice = slice(None)) -> Array | None:
     return np.asarray(depth.reshape(len(centers), -1).max(axis=1))
 
 
+def depth_between_nodes(trace: Recorded) -> float:
+    """Return how deep a tip that touches nothing is below the surface of its body at the end of a trace, m.
+
+    It is 0 outside of the body, less than `_SLIGHT` of the radius, and without a body. A body that relaxes may keep a
+    dent for a while: 0 as well.
+    """
+    if trace["touching"][-1, 0] > 0.0 or (found := _recorded_body(trace)) is None:
+        return 0.0
+    choice, depth = found[1], tip_depths(trace, slice(-1, None))
+    if depth is None or choice.options.get("instantaneous_ratio", 1.0) > 1.0:
+        return 0.0
+    return float(depth[0]) if depth[0] > _SLIGHT * choice.radius else 0.0
+
+
 def depths_at_rest(body: Body, centers: Array, radius: float) -> Array:
     """Return how deep spheres are below the surface of a body at rest (n,), m; 0 outside of it.
 
@@ -143,11 +158,10 @@ def surface_normal(trace: Recorded, row: int) -> Array | None:
 
 def _recorded_body(trace: Recorded) -> tuple[Scenario, BodyChoice, Body] | None:
     """Return the scenario of a trace, its choice of a body and the body, or None if there is none or it is gone."""
+    scenario = recorded_scenario(trace)
+    if scenario is None or (choice := scenario.object.body) is None or not _is_there(choice):
+        return None
     try:
-        scenario = Scenario.from_dict(trace.metadata["scenario"])
-        choice = scenario.object.body
-        if choice is None or not _is_there(choice):
-            return None
         return scenario, choice, scenario_body(scenario)
     except PalpateError:
         return None

@@ -11,7 +11,7 @@ from palpate.arrays import Array
 from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded, unfound
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
-from palpate.simulation.bodies import tip_depths
+from palpate.simulation.bodies import depth_between_nodes, tip_depths
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
@@ -305,7 +305,11 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
         first = touching[np.flatnonzero(np.diff(touching) > 1)[0]] if np.any(np.diff(touching) > 1) else touching[-1]
         share = f"{100 * apart:.3g} % of the time since the contact is established"
         return float(trace.time[first]), f"the tip is off the object in {share}, under a force that presses it on"
-    since, why = float(trace.time[touching[-1]]), "under a force that presses it on"
+    since, deep = float(trace.time[touching[-1]]), depth_between_nodes(trace)
+    if deep > 0.0:
+        rests = f"{tip} is {1e3 * deep:.2g} mm below the surface of the body from t = {since:.4g} s on, without contact"
+        return since, f"{rests}: it is between the nodes, so use a finer mesh or a larger tip"
+    why = "under a force that presses it on"
     forces = [trace[name][-1] for name in ("reference_force", "operator_force") if name in trace]
     if len(forces) == 2 and np.linalg.norm(sum(forces)) <= BAND * np.linalg.norm(forces[0]):
         why = "where the arm holds it against the reference that presses it on: give more force or a softer arm"

@@ -30,6 +30,7 @@ __all__ = [
 STILL = 1e-14  # m, second differences of tip positions at rounding level
 GROWING = 1.02  # growth factor of an oscillation per fifth of the window above which it grows
 SUSTAINED = 0.9  # the same below which it decays; the maxima of endless impacts scatter by a tenth
+LINGERS = 0.7  # growth factor without a linear loop above which an oscillation beyond `SWING` does not count as rest
 STEADILY = (0.25, 2.0)  # shares of the mean rate of decay between which an oscillation decays steadily
 COUNTED = 5.0  # of two encoder counts: oscillation above which counts do not bound its decay
 IMPACT_GROWTH = 1.5  # growth factor that irregular impacts may have without growing
@@ -404,6 +405,9 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     rests &= stable | ~generates(e)
     rests &= stable | ~chatters(e)
     rests &= ~slips(e) & ~sustained & ~persists
+    # on a mesh or body, or without a linear loop, a visible oscillation that decays slowly may not end in rest
+    enough = np.where(stable, np.sqrt(np.sqrt(np.fmin(e.decay, 1.0))), LINGERS)
+    rests &= ~((e.local | ~stable) & (e.swing > least) & (ratio > enough))
     state = np.select(
         [
             unstable,

@@ -42,6 +42,7 @@ __all__ = ["judge", "judge_pushed"]
 
 AXES = "xyz"
 STILL = 1e-7  # m: a tip that moves less was not excited
+STAYS_OFF = 0.1  # of a run: a tip that was off the object for so long at its end does not bounce
 APPROACHES = 1e-3  # of the deflection: a tip that moves more in the last fifth does not rest yet
 
 
@@ -305,8 +306,8 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
         first = touching[np.flatnonzero(np.diff(touching) > 1)[0]] if np.any(np.diff(touching) > 1) else touching[-1]
         share = f"{100 * apart:.3g} % of the time since the contact is established"
         return float(trace.time[first]), f"the tip is off the object in {share}, under a force that presses it on"
-    since, deep = float(trace.time[touching[-1]]), depth_between_nodes(trace)
-    if deep > 0.0:
+    since, stays = float(trace.time[touching[-1]]), touching[-1] <= (1.0 - STAYS_OFF) * (len(trace.time) - 1)
+    if stays and (deep := depth_between_nodes(trace)) > 0.0:
         rests = f"{tip} is {1e3 * deep:.2g} mm below the surface of the body from t = {since:.4g} s on, without contact"
         return since, f"{rests}: it is between the nodes, so use a finer mesh or a larger tip"
     why = "under a force that presses it on"

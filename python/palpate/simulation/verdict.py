@@ -356,6 +356,64 @@ def band_of(e: Evidence) -> Array:
     return np.asarray(np.maximum(BAND * e.deflection, np.maximum(e.resolution, FLOOR)), dtype=float)
 
 
+def _visible(e: Evidence) -> Array:
+    """Return the swing above which an oscillation (n,) does not count as rest, m."""
+    rest = np.where(e.linear < 0, 0.0, SWING * e.deflection)  # an unstable linear loop explains any oscillation
+    return np.asarray(np.maximum(rest, np.maximum(e.resolution, FLOOR)), dtype=float)
+
+
+def _travels(e: Evidence) -> NDArray[np.bool_]:
+    """Return whether tips (n,) slide on: they are not judged by their bumps."""
+    return np.asarray(e.ripple > TRAVEL * e.swing, dtype=bool)
+
+
+def _grows(e: Evidence, ratio: Array, mean: Array) -> NDArray[np.bool_]:
+    """Return whether oscillations (n,) grow, by the last two fifths and by the mean from the second on."""
+    wider = (mean > GROWING) | ((e.linear <= 0) & ~(e.swing <= GROWING * e.swing_before))  # not a transient's tail
+    visible = e.swing > np.maximum(np.maximum(e.resolution, SMALL), VISIBLE * e.deflection)
+    real = visible | ((e.resolution == 0.0) & (mean > GROWING) & (e.prior > STILL))
+    grows = ~(e.turns < PERIOD) & (ratio > np.where(e.contacts >= 1, IMPACT_GROWTH, GROWING)) & wider & real
+    impacts = (e.contacts >= 1) & (e.widening > WIDENING) & visible
+    return np.asarray(~_travels(e) & (grows | impacts), dtype=bool)
+
+
+def _lost(e: Evidence) -> NDArray[np.bool_]:
+    """Return whether tips (n,) have lost contact; one that bounces has not."""
+    off = e.pressed & ((e.touching == 0.0) | ((e.touching < 0.5) & (e.contacts <= MOST_CONTACTS)))
+    return np.asarray(off | ((e.apart > APART) & (e.contacts <= MOST_CONTACTS)), dtype=bool)
+
+
+def _sustained(e: Evidence, ratio: Array, mean: Array) -> NDArray[np.bool_]:
+    """Return whether visible oscillations (n,) last from the fourth fifth to the last."""
+    impact = (e.contacts >= 1) & (mean < SUSTAINED)  # its bounces decay, if not from each fifth to the next
+    lasts = (ratio >= SUSTAINED) & (e.swing > _visible(e)) & ~(e.turns < PERIOD)
+    return np.asarray(~_travels(e) & lasts & ~impact, dtype=bool)
+
+
+def _falls(e: Evidence, ratio: Array, mean: Array) -> NDArray[np.bool_]:
+    """Return whether oscillations (n,) decay steadily, without contacts, in loops that are not known as unstable."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        decay = np.log(ratio) / np.log(mean)  # of the last fifth over the mean
+    steadily = (mean < 1.0 / GROWING) & (decay > STEADILY[0]) & (decay < STEADILY[1])
+    return np.asarray(steadily & (e.linear >= 0) & (e.contacts == 0) & (e.swing > COUNTED * e.resolution), dtype=bool)
+
+
+def _rests(e: Evidence, ratio: Array, decays: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return whether tips (n,) rest, or come to rest as oscillations decay in a stable linear loop."""
+    stable, band = e.linear > 0, band_of(e)
+    creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
+    creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
+    # where contact slips, encoder counts move the tip on more slowly than the linear loop decays
+    ratchets = e.local & (e.resolution > 0.0) & (ratio > np.sqrt(e.decay))
+    # on a mesh or body, or without a linear loop, a visible oscillation that decays slowly may not end in rest
+    enough = np.where(stable, np.sqrt(np.sqrt(np.fmin(e.decay, 1.0))), LINGERS)
+    lingers = (e.local | ~stable) & (e.swing > _visible(e)) & (ratio > enough)
+    rests = (((e.ripple <= band) & ~creeps) | (decays & ~ratchets)) & ~lingers & ~slips(e)
+    rests &= ~(np.abs(e.error) > BAND) & ~(e.drift > BAND) & ~(ahead(e) > band) & ~(e.creep > band)
+    turning = e.ripple_before > BEFORE * band  # a turning point of a slow motion looks like rest
+    return np.asarray(rests & (stable | ~(turning | generates(e) | chatters(e))), dtype=bool)
+
+
 def decide(e: Evidence) -> NDArray[np.int8]:
     """Return the State of each loop (n,). Every command that judges a loop uses this function.
 
@@ -369,45 +427,16 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.where(e.late <= STILL, 0.0, e.late / e.prior)
         mean = np.where(e.late <= STILL, 0.0, np.cbrt(e.late / e.early))
-    stable = e.linear > 0
-    wider = (mean > GROWING) | (~stable & ~(e.swing <= GROWING * e.swing_before))  # not the tail of a transient
-    visible = e.swing > np.maximum(np.maximum(e.resolution, SMALL), VISIBLE * e.deflection)
-    real = visible | ((e.resolution == 0.0) & (mean > GROWING) & (e.prior > STILL))
-    travels = e.ripple > TRAVEL * e.swing  # a tip that slides on is not judged by its bumps
-    slow = e.turns < PERIOD
-    grows = ~travels & ~slow & (ratio > np.where(e.contacts >= 1, IMPACT_GROWTH, GROWING)) & wider & real
-    grows |= ~travels & (e.contacts >= 1) & (e.widening > WIDENING) & visible
-    lost = e.pressed & ((e.touching == 0.0) | ((e.touching < 0.5) & (e.contacts <= MOST_CONTACTS)))
-    lost |= (e.apart > APART) & (e.contacts <= MOST_CONTACTS)
+    stable, lost = e.linear > 0, _lost(e)
     limited = stable & (e.saturated > SHARE)  # the motion to a new rest when the drive gets warm
-    unstable = ~np.isnan(e.unstable_from) | (grows & ~lost & ~limited & e.constant)
-    band = band_of(e)
-    rest = np.where(e.linear < 0, 0.0, SWING * e.deflection)  # an unstable linear loop explains any oscillation
-    least = np.maximum(rest, np.maximum(e.resolution, FLOOR))
-    bounces = e.pressed & (e.contacts > MOST_CONTACTS)
+    unstable = ~np.isnan(e.unstable_from) | (_grows(e, ratio, mean) & ~lost & ~limited & e.constant)
     decays = stable & (ratio < np.fmax(1.0 / GROWING, np.sqrt(e.decay)))
+    sustained, falls = _sustained(e, ratio, mean) & ~decays, _falls(e, ratio, mean)
     lasting = np.where(np.isnan(e.decay), 0.0, np.minimum(e.decay, 1.0)) ** 4
     persists = e.kept > np.clip(SLOWER * lasting, PERSISTS, MOST)
-    impact = (e.contacts >= 1) & (mean < SUSTAINED)  # its bounces decay, if not from each fifth to the next
-    with np.errstate(divide="ignore", invalid="ignore"):
-        decay = np.log(ratio) / np.log(mean)  # of the last fifth over the mean
-    falls = (mean < 1.0 / GROWING) & (decay > STEADILY[0]) & (decay < STEADILY[1])
-    falls &= (e.linear >= 0) & (e.contacts == 0) & (e.swing > COUNTED * e.resolution)
-    sustained = ~travels & ~slow & (ratio >= SUSTAINED) & (e.swing > least) & ~decays & ~impact
+    bounces = e.pressed & (e.contacts > MOST_CONTACTS)
     swings = bounces | (persists & ~(falls & (e.linear == 0))) | (sustained & ~falls)
-    creep = np.maximum(CREEP * e.deflection, np.maximum(e.resolution, FLOOR))
-    creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
-    # where contact slips, encoder counts move the tip on more slowly than the linear loop decays
-    ratchets = e.local & (e.resolution > 0.0) & (ratio > np.sqrt(e.decay))
-    rests = (((e.ripple <= band) & ~creeps) | (decays & ~ratchets)) & ~(np.abs(e.error) > BAND) & ~(e.drift > BAND)
-    rests &= ~(ahead(e) > band) & ~(e.creep > band)
-    rests &= stable | ~(e.ripple_before > BEFORE * band)  # a turning point of a slow motion looks like rest
-    rests &= stable | ~generates(e)
-    rests &= stable | ~chatters(e)
-    rests &= ~slips(e) & ~sustained & ~persists
-    # on a mesh or body, or without a linear loop, a visible oscillation that decays slowly may not end in rest
-    enough = np.where(stable, np.sqrt(np.sqrt(np.fmin(e.decay, 1.0))), LINGERS)
-    rests &= ~((e.local | ~stable) & (e.swing > least) & (ratio > enough))
+    rests = _rests(e, ratio, decays) & ~sustained & ~persists
     state = np.select(
         [
             unstable,

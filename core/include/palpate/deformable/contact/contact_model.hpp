@@ -53,4 +53,11 @@ template <class Model>
   return HasTangentialCompliance<Model>;
 }
 
+/// Return the self-compliance of a node that a partial coverage of its patch divides, m/N; `self` is that within the period.
+template <class Model>
+[[nodiscard]] double layer_compliance(const Model& model, std::int32_t node, double self) noexcept {
+  if constexpr (requires { model.layer_compliance(node); }) return model.layer_compliance(node);
+  return self;
+}
+
 }  // namespace palpate::deformable

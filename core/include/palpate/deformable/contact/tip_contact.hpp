@@ -253,12 +253,6 @@ class TipContact {
     }
   }
 
-  /// Self-compliance of a node that a partial coverage of its patch divides; a model may state one that supports do not change.
-  [[nodiscard]] double layer_compliance(std::int32_t node, double self) const noexcept {
-    if constexpr (requires { model_->layer_compliance(node); }) return model_->layer_compliance(node);
-    return self;
-  }
-
   static constexpr bool has_creep = requires(const Model& model) { model.creep(); };
 
   /// Advance the creep of partially covered patches. The model stores the creep of whole patches by node. The additional creep of a partly
@@ -324,7 +318,7 @@ class TipContact {
       row_node_[at] = node;
       creep_state_[at] = 0.0;
       self_compliance_[at] = lcp_.compliance(a, a) = model_->compliance(node, node);
-      layer_compliance_[at] = layer_compliance(node, self_compliance_[at]);
+      layer_compliance_[at] = layer_compliance(*model_, node, self_compliance_[at]);
       for (int b = 0; b < row_count_; ++b)
         if (b != a) lcp_.compliance(a, b) = lcp_.compliance(b, a) = model_->compliance(node, row_node_[static_cast<std::size_t>(b)]);
     }

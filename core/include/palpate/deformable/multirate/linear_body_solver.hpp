@@ -60,7 +60,7 @@ class LinearBodySolver {
         compliance_(static_cast<std::size_t>(nodes.size())),
         contact_(nodes, model_) {
     measure_compliance();
-    find_layer();
+    for (std::int32_t i = 0; i < nodes_->size(); ++i) layer_.push_back(layer_compliance(look_ahead_, i, compliance_.compliance(i, i)));
     contact_.reset();
   }
   template <class Make>
@@ -150,16 +150,6 @@ class LinearBodySolver {
       }
     }
     look_ahead_.reset();
-  }
-
-  /// Find the compliance of each node that a partial coverage of its patch divides.
-  void find_layer() {
-    for (std::int32_t i = 0; i < nodes_->size(); ++i) {
-      if constexpr (requires { look_ahead_.layer_compliance(i); })
-        layer_.push_back(look_ahead_.layer_compliance(i));
-      else
-        layer_.push_back(compliance_.compliance(i, i));
-    }
   }
 
   /// Add the displacement of partly covered patches at the state. It stays while the coverage changes: divided by that, it would push a

@@ -57,11 +57,19 @@ class MultirateObject final : public DeformableObject {
     return std::make_unique<MultirateObject>(coupling_.solver().clone_at_rest(), update_interval_, slip_at_rest());
   }
 
-  /// Provide the first local model: of the body at rest or, if its solver finds equilibria, of the equilibrium under the tip.
+  /// Provide the first local model: of the body at rest or, if its solver finds equilibria, of the equilibrium under the tip. A tip that
+  /// starts in contact is moved in from outside, since a large step may end in another equilibrium.
   void initialize(const deformable::Tip& tip) override {
     tips_.tip[0] = tip;
     if constexpr (deformable::FindsEquilibrium<Solver>) {
-      settle(tip, max_starting_updates);
+      if (!settle(tip, 2)) {  // not at rest at once
+        reset();
+        deformable::Tip from = tip;
+        for (int k = approach_steps - 1; k >= 0; --k) {
+          from.center = tip.center + 2.0 * tip.radius * k / approach_steps * tip.outward;
+          settle(from, max_starting_updates);
+        }
+      }
       publish();
     } else {
       coupling_.set_tips(tips_);
@@ -109,6 +117,7 @@ class MultirateObject final : public DeformableObject {
 
  private:
   static constexpr int max_starting_updates = 100;
+  static constexpr int approach_steps = 20;  // from a diameter outside of the start
 
   [[nodiscard]] Slip slip_at_rest() const {
     Slip slip = slip_;

@@ -53,7 +53,6 @@ class MultirateCoupling {
   [[nodiscard]] const Solver& solver() const noexcept { return *solver_; }
   [[nodiscard]] Switch& model_switch() noexcept { return *model_switch_; }
   [[nodiscard]] const Switch& model_switch() const noexcept { return *model_switch_; }
-  [[nodiscard]] typename Switch::ModelBuffer& models() noexcept { return *models_; }
 
   /// Set the tip positions for the next model update; tick() does so too.
   void set_tips(const TipPair& tips) noexcept {

@@ -15,7 +15,7 @@ from palpate.metrics import summarize
 from palpate.metrics.body_contact import work_so_far
 from palpate.scenario import Scenario
 from palpate.simulation import scenario_loop
-from palpate.simulation.bodies import cache_path, scenario_body, tip_depths
+from palpate.simulation.bodies import cache_path, depths_at_rest, scenario_body, tip_depths
 from palpate.simulation.evidence import evidence
 from palpate.simulation.simulator import build_simulation
 from palpate.simulation.trace import Trace
@@ -402,3 +402,13 @@ def test_a_mistake_is_told_with_its_line(
 def test_what_judges_one_loop_says_why_a_body_has_none(block: Path) -> None:
     with pytest.raises(StabilityError, match="has states of its own and no one stiffness"):
         scenario_loop(Scenario.from_dict(tables(on(block))))
+
+
+def test_the_depth_of_a_sphere_in_a_block_is_that_of_the_closed_form_beside_edges_and_corners_too() -> None:
+    size, radius = np.array([0.04, 0.04, 0.02]), 4e-3
+    block = bodies.build(bodies.block(tuple(size), 0.005), young=1e4, fixed=bodies.half_space("z", "<", 1e-9), order=1)
+    centers = np.random.default_rng(1).uniform(-0.03, size + 0.03, (2000, 3))
+    beside = np.linalg.norm(np.maximum(np.maximum(-centers, centers - size), 0.0), axis=1)
+    within = np.minimum(centers, size - centers).min(axis=1)
+    expected = np.maximum(radius + np.where(within > 0.0, within, -beside), 0.0)
+    assert depths_at_rest(block, centers, radius) == pytest.approx(expected, abs=1e-9)

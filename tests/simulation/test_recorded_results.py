@@ -369,38 +369,31 @@ STORED: dict[str, Any] = {
     0.925124792, "saturated": 0.00499168053, "touching_5": 1.0, "saturated_5": 0.0303030303, "contacts_5": 0.0}},
     "a run of a gripping hand that bounces": {"whole": {"unstable_from": nan, "early": 2.71382059e-05, "prior":
     3.43445456e-06, "late": 2.42180593e-06, "ripple": 1.61182561e-05, "ripple_before": 1.86327585e-05, "swing":
-    1.118376e-05, "swing_before": 1.5539149e-05,
-    "widening": 0.0, "turns": 2.50432004,
-    "trend": 4.93449612e-06, "trend_before": 3.0936095e-06, "shift":
-    2.82593403e-05, "shift_ratio": 0.704910717, "shift_fifths": 1, "deflection": 0.00224530938, "error": nan, "drift":
-    nan, "creep": 0.0, "touching": 0.81, "contacts": 2.0, "apart": 0.151515152, "saturated": 0.03, "pressed": True,
-    "beyond": False, "constant": True, "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local":
-    False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan, "lossy": False,
-    "generated": -0.141412965,
-    "generated_before": 0.346506653}, "part": {"unstable_from": nan, "early": 3.72958594e-05, "prior": 4.32827239e-05,
-    "late": 3.43445456e-06, "ripple": 1.86327585e-05, "ripple_before": 9.16953373e-05, "swing": 1.45083738e-05,
-    "swing_before": 7.56024913e-05,
-    "widening": 0.0, "turns": 2.41399338,
-    "trend": 4.12438469e-06, "trend_before": 1.60928459e-05, "shift": 4.12258233e-05,
-    "shift_ratio": 1.8714126, "shift_fifths": 1, "deflection": 0.00224467284, "error": nan, "drift": nan, "creep": 0.0,
-    "touching": 1.0, "contacts": 0.0, "apart": 0.151515152, "saturated": 0.0, "pressed": True, "beyond": False,
-    "constant": True, "resolution": 0.0, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": False, "fluctuation":
-    nan, "traction": nan, "release": nan, "onward": nan, "lossy": False, "generated": 0.054954787,
-    "generated_before": 0.546009089},
+    1.118376e-05, "swing_before": 1.5539149e-05, "widening": 0.0, "turns": 2.50432004, "trend": 4.93449612e-06,
+    "trend_before": 3.0936095e-06, "shift": 2.82593403e-05, "shift_ratio": 0.704910717, "shift_fifths": 1,
+    "deflection": 0.00224530938, "error": nan, "drift": nan, "creep": 0.0, "touching": 0.81, "contacts": 2.0, "apart":
+    0.151515152, "saturated": 0.03, "pressed": True, "beyond": False, "constant": True, "resolution": 0.0, "linear": 1,
+    "decay": 0.132619556, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "onward":
+    nan, "lossy": False, "generated": -0.141412965, "generated_before": 0.346506653}, "part": {"unstable_from": nan,
+    "early": 3.72958594e-05, "prior": 4.32827239e-05, "late": 3.43445456e-06, "ripple": 1.86327585e-05,
+    "ripple_before": 9.16953373e-05, "swing": 1.45083738e-05, "swing_before": 7.56024913e-05, "widening": 0.0, "turns":
+    2.41399338, "trend": 4.12438469e-06, "trend_before": 1.60928459e-05, "shift": 4.12258233e-05, "shift_ratio":
+    1.8714126, "shift_fifths": 1, "deflection": 0.00224467284, "error": nan, "drift": nan, "creep": 0.0, "touching":
+    1.0, "contacts": 0.0, "apart": 0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
+    "resolution": 0.0, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": False, "fluctuation": nan, "traction":
+    nan, "release": nan, "onward": nan, "lossy": False, "generated": 0.054954787, "generated_before": 0.546009089},
     "short": {"unstable_from": nan, "early": 1.51944429e-06, "prior": 1.23406348e-06, "late": 1.41397652e-06, "ripple":
     2.99180207e-06, "ripple_before": 3.13579678e-06, "swing": 7.91366411e-07, "swing_before": 2.57757879e-07,
-    "widening": 0.0, "turns": 0.76783346,
-    "trend":
-    2.20043565e-06, "trend_before": 2.8780389e-06, "shift": 9.88046884e-06, "shift_ratio": 1.45001472, "shift_fifths":
-    2, "deflection": 0.00224468448, "error": nan, "drift": nan, "creep": 0, "touching": 0.0, "contacts": 0.0, "apart":
-    0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution": 0, "linear": 0, "decay":
-    nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan,
-    "lossy": False, "generated":
-    nan, "generated_before": nan}, "balance": {"supplied": 0.000576700706, "generated": -0.000103812536,
-    "generated_before": 0.000238120103, "relative": [-0.180011113, 0.412900662]}, "resolution": [0.0, 0.0, 0.0, 0.0],
-    "lossy": False, "friction": 0.0, "interruption": 0.0, "expected": [None, None, None], "outcome": {"unstable_from":
-    nan, "oscillation_2": 2.71382059e-05, "oscillation_4": 3.43445456e-06, "oscillation_5": 2.42180593e-06, "ripple":
-    1.61182561e-05, "steady_tip": [-6.29877599e-05, 0.000182275806, -0.000216824896], "peak_object_force": 1.13312542,
+    "widening": 0.0, "turns": 0.76783346, "trend": 2.20043565e-06, "trend_before": 2.8780389e-06, "shift":
+    9.88046884e-06, "shift_ratio": 1.45001472, "shift_fifths": 2, "deflection": 0.00224468448, "error": nan, "drift":
+    nan, "creep": 0, "touching": 0.0, "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False,
+    "constant": True, "resolution": 0, "linear": 0, "decay": nan, "kept": nan, "local": False, "fluctuation": nan,
+    "traction": nan, "release": nan, "onward": nan, "lossy": False, "generated": nan, "generated_before": nan},
+    "balance": {"supplied": 0.000576700706, "generated": -0.000103812536, "generated_before": 0.000238120103,
+    "relative": [-0.180011113, 0.412900662]}, "resolution": [0.0, 0.0, 0.0, 0.0], "lossy": False, "friction": 0.0,
+    "interruption": 0.0, "expected": [None, None, None], "outcome": {"unstable_from": nan, "oscillation_2":
+    2.71382059e-05, "oscillation_4": 3.43445456e-06, "oscillation_5": 2.42180593e-06, "ripple": 1.61182561e-05,
+    "steady_tip": [-6.29877599e-05, 0.000182275806, -0.000216824896], "peak_object_force": 1.13312542,
     "peak_command_force": 1.13501718, "touching": 0.792013311, "saturated": 0.00499168053, "touching_5": 0.818181818,
     "saturated_5": 0.0303030303, "contacts_5": 2.0}},
     "a run on a mesh": {"whole": {"unstable_from": nan, "early": 3.98748696e-05, "prior": 3.43905027e-06, "late":
@@ -434,40 +427,33 @@ STORED: dict[str, Any] = {
     "saturated_5": 0.0303030303, "contacts_5": 0.0}},
     "a run in a scene": {"whole": {"unstable_from": nan, "early": 4.7120803e-05, "prior": 3.53813544e-05, "late":
     3.13792913e-05, "ripple": 0.000144081584, "ripple_before": 0.00015822419, "swing": 0.000142495818, "swing_before":
-    0.000160783354,
-    "widening": 0.0, "turns": 6.26483385,
-    "trend": 1.5857666e-06, "trend_before": -2.5591645e-06, "shift": 2.19290702e-05, "shift_ratio":
-    1.03874071, "shift_fifths": 1, "deflection": 0.00224499376, "error": nan, "drift": nan, "creep": 0.0, "touching":
-    0.81, "contacts": 2.0, "apart": 0.151515152, "saturated": 0.03, "pressed": True, "beyond": False, "constant": True,
-    "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan, "local": True, "fluctuation": nan, "traction":
-    nan, "release": nan, "onward": nan, "lossy": True, "generated": -7.34654552, "generated_before": 1.52420716},
-    "part":
-    {"unstable_from": nan, "early": 5.55515254e-05, "prior": 3.96316978e-05, "late": 3.53813544e-05, "ripple":
-    0.000156102345, "ripple_before": 0.000203228976, "swing": 0.000159839336, "swing_before": 0.00020623262,
-    "widening": 0.0, "turns": 5.53566242,
-    "trend":
-    -3.73699055e-06, "trend_before": -3.00364374e-06, "shift": 1.88902386e-05, "shift_ratio": 0.886082983,
-    "shift_fifths": 1, "deflection": 0.0022451708, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0,
-    "contacts": 0.0, "apart": 0.151515152, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True,
-    "resolution": 0.0, "linear": -1, "decay": 1.19939617, "kept": 0.4, "local": True, "fluctuation": nan, "traction":
-    nan, "release": nan, "onward": nan, "lossy": True, "generated": -2.22832973, "generated_before": 29.1383796},
-    "short":
-    {"unstable_from": nan, "early": 2.61474299e-05, "prior": 2.64281676e-05, "late": 2.69690678e-05, "ripple":
-    9.87638405e-05, "ripple_before": 0.000102275517, "swing": 1.87638887e-05, "swing_before": 1.94613373e-05,
-    "widening": 0.0, "turns": 0.621307507,
-    "trend":
-    7.99999517e-05, "trend_before": 8.28141799e-05, "shift": 0.000119104238, "shift_ratio": 0.242770378,
-    "shift_fifths": 2, "deflection": 0.00224359991, "error": nan, "drift": nan, "creep": 0, "touching": 0.0,
-    "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True, "resolution":
-    0, "linear": 0, "decay": nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan, "release": nan,
-    "onward": nan,
-    "lossy": False, "generated": nan, "generated_before": nan}, "balance": {"supplied": 2.86416847e-05, "generated":
-    -0.000252514791, "generated_before": 8.1606714e-05, "relative": [-8.8163386, 2.84922883]}, "resolution": [0.0, 0.0,
-    0.0, 0.0], "lossy": True, "friction": 0.2, "interruption": 0.0, "expected": [None, None, None], "outcome":
-    {"unstable_from": nan, "oscillation_2": 4.7120803e-05, "oscillation_4": 3.53813544e-05, "oscillation_5":
-    3.13792913e-05, "ripple": 0.000144081584, "steady_tip": [0.000209637319, 8.7533178e-05, 8.16857712e-05],
-    "peak_object_force": 1.13312717, "peak_command_force": 1.13649174, "touching": 0.792013311, "saturated":
-    0.00499168053, "touching_5": 0.818181818, "saturated_5": 0.0303030303, "contacts_5": 2.0}},
+    0.000160783354, "widening": 0.0, "turns": 6.26483385, "trend": 1.5857666e-06, "trend_before": -2.5591645e-06,
+    "shift": 2.19290702e-05, "shift_ratio": 1.03874071, "shift_fifths": 1, "deflection": 0.00224499376, "error": nan,
+    "drift": nan, "creep": 0.0, "touching": 0.81, "contacts": 2.0, "apart": 0.151515152, "saturated": 0.03, "pressed":
+    True, "beyond": False, "constant": True, "resolution": 0.0, "linear": 1, "decay": 0.132619556, "kept": nan,
+    "local": True, "fluctuation": nan, "traction": nan, "release": nan, "onward": nan, "lossy": True, "generated":
+    -7.34654552, "generated_before": 1.52420716}, "part": {"unstable_from": nan, "early": 5.55515254e-05, "prior":
+    3.96316978e-05, "late": 3.53813544e-05, "ripple": 0.000156102345, "ripple_before": 0.000203228976, "swing":
+    0.000159839336, "swing_before": 0.00020623262, "widening": 0.0, "turns": 5.53566242, "trend": -3.73699055e-06,
+    "trend_before": -3.00364374e-06, "shift": 1.88902386e-05, "shift_ratio": 0.886082983, "shift_fifths": 1,
+    "deflection": 0.0022451708, "error": nan, "drift": nan, "creep": 0.0, "touching": 1.0, "contacts": 0.0, "apart":
+    0.0, "saturated": 0.0, "pressed": True, "beyond": False, "constant": True, "resolution": 0.0, "linear": -1,
+    "decay": 1.19939617, "kept": 0.4, "local": True, "fluctuation": nan, "traction": nan, "release": nan, "onward":
+    nan, "lossy": True, "generated": -2.22832973, "generated_before": 29.1383796}, "short": {"unstable_from": nan,
+    "early": 2.61474299e-05, "prior": 2.64281676e-05, "late": 2.69690678e-05, "ripple": 9.87638405e-05,
+    "ripple_before": 0.000102275517, "swing": 1.87638887e-05, "swing_before": 1.94613373e-05, "widening": 0.0, "turns":
+    0.621307507, "trend": 7.99999517e-05, "trend_before": 8.28141799e-05, "shift": 0.000119104238, "shift_ratio":
+    0.242770378, "shift_fifths": 2, "deflection": 0.00224359991, "error": nan, "drift": nan, "creep": 0, "touching":
+    0.0, "contacts": 0.0, "apart": 0, "saturated": 0.0, "pressed": False, "beyond": False, "constant": True,
+    "resolution": 0, "linear": 0, "decay": nan, "kept": nan, "local": False, "fluctuation": nan, "traction": nan,
+    "release": nan, "onward": nan, "lossy": False, "generated": nan, "generated_before": nan}, "balance": {"supplied":
+    2.86416847e-05, "generated": -0.000252514791, "generated_before": 8.1606714e-05, "relative": [-8.8163386,
+    2.84922883]}, "resolution": [0.0, 0.0, 0.0, 0.0], "lossy": True, "friction": 0.2, "interruption": 0.0, "expected":
+    [None, None, None], "outcome": {"unstable_from": nan, "oscillation_2": 4.7120803e-05, "oscillation_4":
+    3.53813544e-05, "oscillation_5": 3.13792913e-05, "ripple": 0.000144081584, "steady_tip": [0.000209637319,
+    8.7533178e-05, 8.16857712e-05], "peak_object_force": 1.13312717, "peak_command_force": 1.13649174, "touching":
+    0.792013311, "saturated": 0.00499168053, "touching_5": 0.818181818, "saturated_5": 0.0303030303, "contacts_5":
+    2.0}},
     "a run of a slider": {"whole": {"unstable_from": nan, "early": 3.92159686e-05, "prior": 1.80487795e-05, "late":
     1.44808545e-05, "ripple": 8.38348933e-05, "ripple_before": 0.000106579364, "swing": 6.17172458e-05, "swing_before":
     7.77792839e-05,

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 Tell = Callable[[str, float], None]
 _FEW = 3  # nodes of a body that stands for a spring: its extent tells nothing of a tip
+_DENTED = 10.0  # retardation times after a contact in which a body may keep a dent
+_BORDER = 1e-6  # of a face: barycentric coordinate below which a point is on its edge
 _SLIGHT = 0.01  # of the radius of a tip: depth below the surface that does not count
 _MAKING = 3  # version of the construction; a new one invalidates cached bodies
 
@@ -115,16 +117,18 @@ def tip_depths(trace: Recorded, rows: slice = slice(None)) -> Array | None:
     return np.asarray(depth.reshape(len(centers), -1).max(axis=1))
 
 
-def depth_between_nodes(trace: Recorded) -> float:
+def depth_without_contact(trace: Recorded) -> float:
     """Return how deep a tip that touches nothing is below the surface of its body at the end of a trace, m.
 
-    It is 0 outside of the body, less than `_SLIGHT` of the radius, and without a body. A body that relaxes may keep a
-    dent for a while: 0 as well.
+    It is 0 outside of the body, less than `_SLIGHT` of the radius, and without a body. A body that relaxes keeps a dent
+    for some retardation times after a contact: 0 as well.
     """
-    if trace["touching"][-1, 0] > 0.0 or (found := _recorded_body(trace)) is None:
+    touching = np.flatnonzero(trace["touching"][:, 0])
+    if (len(touching) and touching[-1] == len(trace.time) - 1) or (found := _recorded_body(trace)) is None:
         return 0.0
     choice, depth = found[1], tip_depths(trace, slice(-1, None))
-    if depth is None or choice.options.get("instantaneous_ratio", 1.0) > 1.0:
+    dent = _DENTED * float(choice.options.get("retardation_time", 0.0)) if len(touching) else 0.0
+    if depth is None or (dent > 0.0 and trace.time[-1] - trace.time[touching[-1]] < dent):
         return 0.0
     return float(depth[0]) if depth[0] > _SLIGHT * choice.radius else 0.0
 
@@ -140,8 +144,12 @@ def depths_at_rest(body: Body, centers: Array, radius: float) -> Array:
     nearest, faces = body.surface.nearest(centers)
     normals = area_vectors(body.surface.vertices, body.surface.triangles[faces])
     distance = np.linalg.norm(centers - nearest, axis=1)
-    outside = np.einsum("ij,ij->i", centers - nearest, normals) > 0.0
-    return np.asarray(np.maximum(radius - np.where(outside, distance, -distance), 0.0))
+    inside = np.einsum("ij,ij->i", centers - nearest, normals) <= 0.0
+    corners = body.surface.vertices[body.surface.triangles[faces]] - nearest[:, None]
+    parts = np.einsum("ikj,ij->ik", np.cross(corners, np.roll(corners, -1, axis=1)), normals)
+    border = parts.min(axis=1) < _BORDER * parts.sum(axis=1)  # on an edge the normal of one face does not tell
+    inside[border] = [body.contains(center) for center in centers[border]]
+    return np.asarray(np.maximum(radius + np.where(inside, distance, -distance), 0.0))
 
 
 def surface_normal(trace: Recorded, row: int) -> Array | None:

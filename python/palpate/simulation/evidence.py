@@ -13,7 +13,7 @@ from palpate.arrays import Array, Flags
 from palpate.devices import Device
 from palpate.devices.reach import beyond_reach, unreachable
 from palpate.scenario import Scenario
-from palpate.simulation.bodies import depth_between_nodes
+from palpate.simulation.bodies import depth_without_contact
 from palpate.simulation.energy_balance import energy_balance, own_motions
 from palpate.simulation.friction_hold import arm_spring, friction_hold, friction_of
 from palpate.simulation.linear_evidence import linear_sign
@@ -86,8 +86,8 @@ def evidence(
     late = largest(last - fifth, last)
     deflection = trace["deflection"] if "deflection" in trace else tip - tip[0]
     touching = trace["touching"][:, 0] > 0.0
-    off = not touching[window.part(3, 5)].any() and touching.any()
-    lost = pushed_through(trace) is not None or (off and depth_between_nodes(trace) > 0.0)
+    off = not touching[window.part(3, 5)].any()
+    lost = pushed_through(trace) is not None or (off and depth_without_contact(trace) > 0.0)
     swings = [swing(trace.time[rows], tip[rows]) for rows in (window.part(k, k + 1) for k in range(1, 5))]
     deep = float(np.linalg.norm(deflection[ending].mean(axis=0)))
     rounded = swings[-1] <= ROUNDING * deep and scenario is not None and _has_body(scenario)
@@ -140,7 +140,7 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
         "resolution": counts,
         "beyond": leaves_reach(trace, scenario, window),
         "pressed": one_sided and _pressed(trace, scenario, touching, last),
-        "apart": _apart(trace, touching) if one_sided and _interrupted(touching[window.part(3, 5)]) else 0.0,
+        "apart": _apart(trace, touching) if one_sided and _interrupted(touching[window.ending]) else 0.0,
         "local": any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values()),
         **_friction(trace, scenario, ending),
         "lossy": lossy(scenario, device) or others > 0.0,

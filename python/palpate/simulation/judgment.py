@@ -11,7 +11,7 @@ from palpate.arrays import Array
 from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded, unfound
 from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
-from palpate.simulation.bodies import depth_between_nodes, tip_depths
+from palpate.simulation.bodies import depth_without_contact, tip_depths
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
@@ -297,7 +297,7 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
         return pushed, f"{tip} is pushed through the body at t = {pushed:.4g} s, and in it without contact at the end"
     touching = np.flatnonzero(trace["touching"][:, 0])
     if not len(touching):
-        return None, "the tip never touches the object"
+        return None, _inside(trace, "the tip never touches the object")
     after = [np.flatnonzero(lost[touching[-1] :, 0] > 0.0) for lost in of_each_object(trace, "contact_lost")]
     if rows := [int(found[0]) for found in after if len(found)]:
         pushed = float(trace.time[touching[-1] + min(rows)])
@@ -307,14 +307,24 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
         share = f"{100 * apart:.3g} % of the time since the contact is established"
         return float(trace.time[first]), f"the tip is off the object in {share}, under a force that presses it on"
     since, stays = float(trace.time[touching[-1]]), touching[-1] <= (1.0 - STAYS_OFF) * (len(trace.time) - 1)
-    if stays and (deep := depth_between_nodes(trace)) > 0.0:
-        rests = f"{tip} is {1e3 * deep:.2g} mm below the surface of the body from t = {since:.4g} s on, without contact"
-        return since, f"{rests}: it is between the nodes, so use a finer mesh or a larger tip"
+    if stays and (inside := _inside(trace, "")):
+        return since, f"{tip} is off the object from t = {since:.4g} s on{inside}"
     why = "under a force that presses it on"
     forces = [trace[name][-1] for name in ("reference_force", "operator_force") if name in trace]
     if len(forces) == 2 and np.linalg.norm(sum(forces)) <= BAND * np.linalg.norm(forces[0]):
         why = "where the arm holds it against the reference that presses it on: give more force or a softer arm"
     return since, f"the tip is off the object from t = {since:.4g} s on, {why}"
+
+
+def _inside(trace: Recorded, text: str) -> str:
+    """Return a text, with the depth if a tip ends below the surface of a body without contact."""
+    if not (deep := depth_without_contact(trace)) > 0.0:
+        return text
+    scenario = recorded_scenario(trace)
+    nodes = scenario is not None and not _by_distance(scenario)
+    why = "it is between the nodes, or where the surface is held" if nodes else "the surface is held"
+    remedy = "use a finer mesh, a larger tip or another place" if nodes else "use another place"
+    return f"{text}, {1e3 * deep:.2g} mm below the surface of the body: {why} or not touchable there; {remedy}"
 
 
 def _unsupported(trace: Recorded, scenario: Scenario | None) -> str | None:

@@ -315,6 +315,8 @@ UNHELD = {**SHAKEN, "fluctuation": 0.01, "traction": 0.5, "release": np.inf}
         ({}, "beyond", False, True, State.OUT_OF_REACH),
         ({}, "constant", True, False, State.UNDECIDED),
         ({"pressed": True}, "contacts", 3, 4, State.BOUNDED_OSCILLATION),
+        (STEADY | {"linear": 1, "decay": 0.9, "late": 0.8e-6, "ripple": 1e-4, "swing": 1e-4, "local": True},
+         "resolution", 1.99e-5, 2.01e-5, State.UNDECIDED),
         (STEADY, "late", 0.699e-6, 0.701e-6, State.UNDECIDED),
         (STEADY | {"linear": 1, "decay": 0.5**4, "local": True}, "late", 0.499e-6, 0.501e-6, State.UNDECIDED),
         (STEADY | {"linear": 1}, "turns", 0.99, 1.01, State.BOUNDED_OSCILLATION),

@@ -405,6 +405,8 @@ def _rests(e: Evidence, ratio: Array, decays: NDArray[np.bool_]) -> NDArray[np.b
     creeps = (e.ripple > creep) & (e.ripple > GROWING * e.ripple_before)
     # where contact slips, encoder counts move the tip on more slowly than the linear loop decays
     ratchets = e.local & (e.resolution > 0.0) & (ratio > np.sqrt(e.decay))
+    # and a swing of a few counts near the limit of the loop may be kept up by them
+    ratchets |= e.local & (e.swing < COUNTED * e.resolution) & (ratio > LINGERS)
     # on a mesh or body, or without a linear loop, a visible oscillation that decays slowly may not end in rest
     enough = np.where(stable, np.sqrt(np.sqrt(np.fmin(e.decay, 1.0))), LINGERS)
     lingers = (e.local | ~stable) & (e.swing > _visible(e)) & (ratio > enough)

@@ -86,11 +86,11 @@ def evidence(
     late = largest(last - fifth, last)
     deflection = trace["deflection"] if "deflection" in trace else tip - tip[0]
     touching = trace["touching"][:, 0] > 0.0
-    off = not touching[window.part(3, 5)].any()
-    lost = pushed_through(trace) is not None or (off and depth_without_contact(trace) > 0.0)
+    body, off = scenario is not None and _has_body(scenario), not touching[window.part(3, 5)].any()
+    lost = pushed_through(trace) is not None or (body and off and depth_without_contact(trace) > 0.0)
     swings = [swing(trace.time[rows], tip[rows]) for rows in (window.part(k, k + 1) for k in range(1, 5))]
     deep = float(np.linalg.norm(deflection[ending].mean(axis=0)))
-    rounded = swings[-1] <= ROUNDING * deep and scenario is not None and _has_body(scenario)
+    rounded = swings[-1] <= ROUNDING * deep and body
     known: dict[str, Any] = {} if scenario is None else _known(trace, scenario, window, deflection, touching)
     if not np.isnan(kept):
         known["creep"] = 0.0  # a push is judged by the response to it

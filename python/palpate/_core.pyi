@@ -219,9 +219,7 @@ class MassSpringBody(DeformableBody):
         """
 
 class SupportedBody(DeformableBody):
-    """
-    A linear body without inertia, whose supports and touched nodes change.
-    """
+    """A linear body whose supports and touched nodes change."""
 
     @overload
     def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], steps: Sequence[int], roles: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)]) -> None:
@@ -230,9 +228,9 @@ class SupportedBody(DeformableBody):
         """
 
     @overload
-    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], steps: Sequence[int], roles: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], node: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], modulus: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], poisson: float, sideways: float = 1.0, lanes: int = 0, contact_points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)] | None = None, static_friction: float = 0.0, dynamic_friction: float = 0.0, period: float = 0.001, instantaneous_ratio: float = 1.0, retardation_time: float = 1.0) -> None:
+    def __init__(self, points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], normals: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], areas: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], compliance: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], steps: Sequence[int], roles: Annotated[NDArray[numpy.uint8], dict(shape=(None, None), order='C', device='cpu', writable=False)], vertices: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], triangles: Annotated[NDArray[numpy.int32], dict(shape=(None, 3), order='C', device='cpu', writable=False)], node: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)], modulus: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], poisson: float, sideways: float = 1.0, lanes: int = 0, contact_points: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)] | None = None, static_friction: float = 0.0, dynamic_friction: float = 0.0, period: float = 0.001, instantaneous_ratio: float = 1.0, retardation_time: float = 1.0, shapes: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)] | None = None, frequencies: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)] | None = None, rayleigh_alpha: float = 0.0, rayleigh_beta: float = 0.0) -> None:
         """
-        The same with contact by signed distance; a standard linear solid if `instantaneous_ratio` exceeds 1.
+        The same with contact by signed distance; a standard linear solid if `instantaneous_ratio` exceeds 1. With the `shapes` (3n, m) and `frequencies` of modes it has inertia; it does not relax then.
         """
 
     def simulate_path(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, 3), order='C', device='cpu', writable=False)], radius: float, flat: bool, tool: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)] | None = None) -> NDArray[numpy.float64]:
@@ -258,7 +256,7 @@ class SupportedBody(DeformableBody):
 
     @property
     def has_memory(self) -> bool:
-        """Whether the body creeps."""
+        """Whether the body creeps or swings."""
 
     @property
     def changes(self) -> int:

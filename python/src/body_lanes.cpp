@@ -24,14 +24,14 @@ std::unique_ptr<object::SignedDistanceBody> make_in_lanes<PALPATE_LANES>(deforma
 }
 
 template <int lanes>
-std::unique_ptr<object::BodyWithSupports> make_supported_in_lanes(std::shared_ptr<const deformable::CondensedSurface>&& nodes,
+std::unique_ptr<object::BodyWithSupports> make_supported_in_lanes(std::shared_ptr<const deformable::CondensedSurface> nodes,
                                                                   const std::vector<object::BodyWithSupports::Change>& changes,
                                                                   const deformable::ContactSurface& surface,
                                                                   const object::SignedDistanceOptions& options);
 
 template <>
 std::unique_ptr<object::BodyWithSupports> make_supported_in_lanes<PALPATE_LANES>(
-    std::shared_ptr<const deformable::CondensedSurface>&& nodes, const std::vector<object::BodyWithSupports::Change>& changes,
+    std::shared_ptr<const deformable::CondensedSurface> nodes, const std::vector<object::BodyWithSupports::Change>& changes,
     const deformable::ContactSurface& surface, const object::SignedDistanceOptions& options) {
   using Body = object::SupportedBody<object::SignedDistancePhase>;
   auto body = std::make_unique<Body>(std::move(nodes), changes, object::SignedDistancePhase::Maker(surface, options));

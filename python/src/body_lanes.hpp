@@ -18,7 +18,7 @@ std::unique_ptr<object::SignedDistanceBody> make_in_lanes(deformable::SurfaceNod
 
 /// The same for a body whose supports change; null if the nodes of a phase cannot be held together.
 template <int lanes>
-std::unique_ptr<object::BodyWithSupports> make_supported_in_lanes(std::shared_ptr<const deformable::CondensedSurface>&& nodes,
+std::unique_ptr<object::BodyWithSupports> make_supported_in_lanes(std::shared_ptr<const deformable::CondensedSurface> nodes,
                                                                   const std::vector<object::BodyWithSupports::Change>& changes,
                                                                   const deformable::ContactSurface& surface,
                                                                   const object::SignedDistanceOptions& options);
@@ -31,7 +31,7 @@ inline std::unique_ptr<object::SignedDistanceBody> make_signed_distance_body(def
 }
 
 inline std::unique_ptr<object::BodyWithSupports> make_supported_signed_distance(
-    std::shared_ptr<const deformable::CondensedSurface>&& nodes, const std::vector<object::BodyWithSupports::Change>& changes,
+    std::shared_ptr<const deformable::CondensedSurface> nodes, const std::vector<object::BodyWithSupports::Change>& changes,
     const deformable::ContactSurface& surface, const object::SignedDistanceOptions& options, int lanes) {
   return math::with_widest_lanes([&](auto n) { return make_supported_in_lanes<n()>(std::move(nodes), changes, surface, options); }, lanes);
 }

@@ -32,8 +32,8 @@ struct SupportedCore : BodyInLoop {
   [[nodiscard]] std::unique_ptr<palpate::object::DeformableObject> in_loop() const override { return body->clone_at_rest(); }
 };
 
-std::shared_ptr<const palpate::deformable::CondensedSurface> condensed(const Points& at, const Points& normals, const Numbers& areas,
-                                                                       const Matrix& compliance) {
+std::shared_ptr<palpate::deformable::CondensedSurface> condensed(const Points& at, const Points& normals, const Numbers& areas,
+                                                                 const Matrix& compliance) {
   const std::size_t n = at.shape(0);
   if (n == 0 || normals.shape(0) != n || areas.shape(0) != n || compliance.shape(0) != 3 * n || compliance.shape(1) != 3 * n)
     throw nb::value_error("the sizes of the body's arrays do not match");
@@ -64,7 +64,7 @@ void require(bool possible) {
 }  // namespace
 
 void bind_supports(nb::module_& m) {
-  nb::class_<SupportedCore, BodyInLoop>(m, "SupportedBody", "A linear body without inertia, whose supports and touched nodes change.")
+  nb::class_<SupportedCore, BodyInLoop>(m, "SupportedBody", "A linear body whose supports and touched nodes change.")
       .def(
           "__init__",
           [](SupportedCore* self, const Points& at, const Points& normals, const Numbers& areas, const Matrix& compliance,
@@ -84,8 +84,11 @@ void bind_supports(nb::module_& m) {
              const std::vector<std::int64_t>& steps, const Roles& roles, const Points& vertices, const IndexRows<3>& triangles,
              const Indices& node, const Moduli& modulus, double poisson, double sideways, int lanes,
              const std::optional<Points>& contact_points, double mu_static, double mu_dynamic, double period, double instantaneous_ratio,
-             double retardation_time) {
-            if (modulus.shape(0) != at.shape(0) ||
+             double retardation_time, const std::optional<Matrix>& shapes, const std::optional<Numbers>& frequencies, double alpha,
+             double beta) {
+            const std::size_t modes = shapes ? shapes->shape(1) : 0;
+            if (modulus.shape(0) != at.shape(0) || (frequencies ? frequencies->shape(0) : 0) != modes ||
+                (modes > 0 && (shapes->shape(0) != 3 * at.shape(0) || instantaneous_ratio > 1.0)) ||
                 (contact_points && contact_points->shape(0) > palpate::deformable::SignedDistanceContact::max_tips))
               throw nb::value_error("the sizes of the body's arrays do not match");
             auto surface = contact_surface(vertices, triangles, node, modulus);
@@ -94,12 +97,18 @@ void bind_supports(nb::module_& m) {
                 .sideways = sideways,
                 .friction = {mu_static, mu_dynamic},
                 .period = period,
+                .modes = {.rayleigh_alpha = alpha, .rayleigh_beta = beta},
                 .instantaneous_ratio = instantaneous_ratio,
                 .retardation_time = retardation_time,
                 .contact_points = contact_points ? points(*contact_points) : std::vector<palpate::math::Vector3<>>(),
             };
-            auto body = palpate::body::make_supported_signed_distance(condensed(at, normals, areas, compliance),
-                                                                      changes_of(steps, roles, at.shape(0)), surface, options, lanes);
+            auto nodes = condensed(at, normals, areas, compliance);
+            if (modes > 0) {
+              nodes->shapes.assign(shapes->data(), shapes->data() + shapes->size());
+              nodes->frequencies = numbers(*frequencies);
+            }
+            auto body = palpate::body::make_supported_signed_distance(std::move(nodes), changes_of(steps, roles, at.shape(0)), surface,
+                                                                      options, lanes);
             require(body != nullptr);
             new (self) SupportedCore();
             self->body = std::move(body);
@@ -107,8 +116,10 @@ void bind_supports(nb::module_& m) {
           },
           "points"_a, "normals"_a, "areas"_a, "compliance"_a, "steps"_a, "roles"_a, "vertices"_a, "triangles"_a, "node"_a, "modulus"_a,
           "poisson"_a, "sideways"_a = 1.0, "lanes"_a = 0, "contact_points"_a = nb::none(), "static_friction"_a = 0.0,
-          "dynamic_friction"_a = 0.0, "period"_a = 1e-3, "instantaneous_ratio"_a = 1.0, "retardation_time"_a = 1.0,
-          "The same with contact by signed distance; a standard linear solid if `instantaneous_ratio` exceeds 1.")
+          "dynamic_friction"_a = 0.0, "period"_a = 1e-3, "instantaneous_ratio"_a = 1.0, "retardation_time"_a = 1.0, "shapes"_a = nb::none(),
+          "frequencies"_a = nb::none(), "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0,
+          "The same with contact by signed distance; a standard linear solid if `instantaneous_ratio` exceeds 1. With the `shapes` (3n, m) "
+          "and `frequencies` of modes it has inertia; it does not relax then.")
       .def(
           "simulate_path",
           [](SupportedCore& self, const Points& centers, const Points& outward, double radius, bool flat,
@@ -149,7 +160,7 @@ void bind_supports(nb::module_& m) {
           },
           "role"_a, "Change the roles of the nodes at the next step: 0: deforms only, 1: touched, 2: held.")
       .def_prop_ro(
-          "has_memory", [](const SupportedCore& self) { return self.body->has_memory(); }, "Whether the body creeps.")
+          "has_memory", [](const SupportedCore& self) { return self.body->has_memory(); }, "Whether the body creeps or swings.")
       .def_prop_ro(
           "changes", [](const SupportedCore& self) { return self.body->changes(); }, "Number of changes since the body was at rest.")
       .def("reset", [](SupportedCore& self) { self.body->reset(); });

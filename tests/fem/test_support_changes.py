@@ -19,6 +19,8 @@ PERIOD, RADIUS = "1 ms", 8e-3
 def of_kind(body: Body, kind: str) -> Body:
     if kind == "viscoelastic":
         return body.viscoelastic(PERIOD, instantaneous_ratio=2.5, retardation_time="40 ms", contact="signed_distance")
+    if kind == "modal":
+        return body.modal(PERIOD, rayleigh_alpha=5.0, rayleigh_beta=1e-3, contact="signed_distance")
     return body.signed_distance() if kind == "signed_distance" else body
 
 
@@ -39,7 +41,7 @@ def built(fixed: list[str], **options: Any) -> Body:
 
 @pytest.fixture(scope="module")
 def body() -> Body:
-    return built(["z < 0.1 mm"])
+    return built(["z < 0.1 mm"], modes=10)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +49,7 @@ def coarse() -> Body:
     return built(["z < 0.1 mm"], order=1)
 
 
-@pytest.mark.parametrize("kind", [*ELASTIC, "viscoelastic"])
+@pytest.mark.parametrize("kind", [*ELASTIC, "viscoelastic", "modal"])
 def test_a_grasp_at_rest_gives_the_body_held_from_the_start(body: Body, kind: str) -> None:
     changing = of_kind(body, kind).with_support_changes([{"at": "10 ms", "held": LEFT}], PERIOD)
     held = of_kind(body, kind).held(LEFT)

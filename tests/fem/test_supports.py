@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,55 @@ def test_a_held_body_is_that_of_a_new_build(body: Body) -> None:
     assert pushed(held, 30e-3) == pytest.approx(pushed(new, 30e-3), rel=1e-3)
 
 
+@pytest.fixture(scope="module")
+def swinging() -> tuple[Body, Body]:
+    """A block, and one that is also fixed on its left side, with 20 modes."""
+    volume = fem.block(["60 mm", "40 mm", "20 mm"], "5 mm")
+    base, both = (
+        fem.build(volume, young="10 kPa", fixed=fixed, touch="z > 2 mm", density="1000 kg/m^3", modes=20)
+        for fixed in (["z < 0.1 mm"], ["z < 0.1 mm", "x < 0.1 mm"])
+    )
+    return base, both
+
+
+def test_a_held_body_has_the_frequencies_of_a_new_build(swinging: tuple[Body, Body]) -> None:
+    """Each patch keeps its mean displacement, so the frequencies differ by the edge of the support; with fewer too."""
+    base, new = swinging
+    held = base.held("x < 0.1 mm")
+    np.testing.assert_array_equal(held.nodes, new.nodes)
+    np.testing.assert_allclose(held.contents.frequencies, new.contents.frequencies, rtol=0.015)
+    assert held.contents.frequencies[0] > 1.03 * base.contents.frequencies[0]
+    assert np.abs(held.contents.frequencies[:10] / new.contents.frequencies[:10] - 1.0).max() < 0.01
+    bare = replace(base.contents, residual_frequencies=np.empty(0), residual_shapes=np.empty((0, 0), np.float32))
+    fewer = Body(bare).held("x < 0.1 mm").contents
+    np.testing.assert_allclose(fewer.frequencies[:5], new.contents.frequencies[:5], rtol=0.02)
+    assert fewer.residual_frequencies.size == 0
+
+
+def test_the_modes_of_a_held_body_leave_a_compliance_without_negative_part(swinging: tuple[Body, Body]) -> None:
+    held = swinging[0].held("x < 0.1 mm").contents
+    shapes = np.hstack([held.shapes, held.residual_shapes]).astype(float)
+    frequencies = np.concatenate([held.frequencies, held.residual_frequencies])
+    rest = held.compliance - shapes / frequencies**2 @ shapes.T
+    assert np.linalg.eigvalsh(rest).min() > -2e-5 * held.compliance.max()
+
+
+def test_a_tap_on_a_held_body_is_that_of_a_new_build(swinging: tuple[Body, Body]) -> None:
+    base, new = swinging
+    ticks = np.arange(60)
+    sunk = 2e-3 * np.sin(np.pi * np.clip((ticks - 10) / 20, 0.0, 1.0))
+    for x, error in ((15e-3, 0.03), (35e-3, 0.01)):
+        way = np.column_stack([np.full(60, x), np.full(60, 20e-3), 28e-3 - sunk])
+        of = (base.held("x < 0.1 mm"), new)
+        force, expected = (
+            body.modal("1 ms", rayleigh_alpha=5, rayleigh_beta=2e-4, contact="signed_distance")
+            .simulate_path(way, 8e-3)
+            .force[:, 2]
+            for body in of
+        )
+        np.testing.assert_allclose(force, expected, atol=error * expected.max())
+
+
 def test_a_held_body_keeps_its_model_and_its_file(body: Body, tmp_path: Path) -> None:
     rough = body.with_friction(0.5).signed_distance().held(LEFT)
     assert rough.kind.name == "signed_distance"
@@ -144,7 +194,6 @@ def test_a_held_body_keeps_its_model_and_its_file(body: Body, tmp_path: Path) ->
         (lambda body: body.held([LEFT, "z < 10 mm"]), r'in "z < 10 mm"; they extend from .* and only they can be held'),
         (lambda body: body.held("z > 0 mm"), "held: all contact nodes are held"),
         (lambda body: body.held("left"), 'held: "left" is no region'),
-        (lambda body: body.held(LEFT).modal("1 ms"), "a body with held nodes has no modes"),
     ],
 )
 def test_a_support_that_is_none_is_refused(body: Body, change: Any, sentence: str) -> None:

@@ -172,8 +172,15 @@ REFUSED: list[tuple[Callable[..., dict[str, Any]], dict[str, Any], str]] = [
     (tables, {"object": body(dynamic_friction=0.2)},
      "object.body.dynamic_friction: 0.2 must not exceed static_friction (0)"),
     (tables, {"object": body(kind="modal", supports=[{"at": "1 s", "held": "x < 1 mm"}])},
-     "object.body.supports: supports that change at run time need a body without inertia, of the kind compliance, "
-     "signed_distance or viscoelastic; held holds nodes of any kind over the whole run"),
+     "object.body.supports: supports that change at run time need the contact by signed distance; write "
+     'contact = "signed_distance"; held holds nodes of any kind over the whole run'),
+    (tables, {"object": body(kind="modal", contact="signed_distance", instantaneous_ratio=2, retardation_time="1 s",
+                             supports=[{"at": "1 s", "held": "x < 1 mm"}])},
+     "object.body.supports: the supports of a body with inertia that relaxes do not change; remove "
+     'instantaneous_ratio, or write kind = "viscoelastic"; held holds nodes of any kind over the whole run'),
+    (tables, {"object": body(kind="mass_spring", supports=[{"at": "1 s", "held": "x < 1 mm"}])},
+     "object.body.supports: supports that change at run time need a body of the kind compliance, signed_distance, "
+     "viscoelastic or modal; held holds nodes of any kind over the whole run"),
     (tables, {"object": body(kind="viscoelastic", instantaneous_ratio=2, retardation_time="1 s",
                              supports=[{"at": "1 s", "held": "x < 1 mm"}])},
      "object.body.supports: supports that change at run time need the contact by signed distance; write "

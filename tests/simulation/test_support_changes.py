@@ -27,7 +27,8 @@ RELAXING = {
     "instantaneous_ratio": 2.0,
     "retardation_time": "50 ms",
 }
-KINDS = ({"kind": "compliance"}, {"kind": "signed_distance"}, RELAXING)
+SWINGING = {"kind": "modal", "contact": "signed_distance", "rayleigh_alpha": "20 1/s", "rayleigh_beta": "2 ms"}
+KINDS = ({"kind": "compliance"}, {"kind": "signed_distance"}, RELAXING, SWINGING)
 GRASP = [{"at": "0.4 s", "held": BESIDE}]
 
 
@@ -35,7 +36,7 @@ GRASP = [{"at": "0.4 s", "held": BESIDE}]
 def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("body") / "block.h5"
     volume = fem.block(["40 mm", "40 mm", "20 mm"], "4 mm")
-    fem.build(volume, young="10 kPa", fixed="z < 0.1 mm", touch="z > 19.9 mm", output=path)
+    fem.build(volume, young="10 kPa", fixed="z < 0.1 mm", touch="z > 19.9 mm", modes=10, output=path)
     return path
 
 
@@ -116,6 +117,7 @@ def loop_response(trace: Trace) -> Any:
         ({"kind": "signed_distance"}, 1e-4),
         ({"kind": "signed_distance", "static_friction": 0.5}, 0.03),  # the place depends on the path
         (RELAXING, 3e-3),  # points at the border of the contact come and go within the tolerance of the forces
+        (SWINGING, 3e-3),
     ],
 )
 def test_the_verdict_is_that_of_the_last_phase(block: Path, options: dict[str, Any], difference: float) -> None:
@@ -207,6 +209,18 @@ def test_a_run_names_an_overlap_with_what_is_held_at_its_end(block: Path) -> Non
         (
             {"supports": GRASP, "kind": "viscoelastic", "instantaneous_ratio": 2, "retardation_time": "1 s"},
             r"need the contact by signed distance; write contact = \"signed_distance\"",
+        ),
+        (
+            {"supports": GRASP, "kind": "modal"},
+            r"need the contact by signed distance; write contact = \"signed_distance\"",
+        ),
+        (
+            {"supports": GRASP, **SWINGING, "instantaneous_ratio": 2, "retardation_time": "1 s"},
+            r"of a body with inertia that relaxes do not change; remove instantaneous_ratio",
+        ),
+        (
+            {"supports": GRASP, "kind": "mass_spring"},
+            r"need a body of the kind compliance, signed_distance, viscoelastic or modal",
         ),
         ({"supports": [{"at": "0 s", "held": BESIDE}]}, r"is that of the start: hold a region"),
     ],

@@ -16,7 +16,7 @@ namespace {
 
 template <class Phase>
 class SupportedBodyNoAllocation : public testing::Test {};
-using PhasesOfSteps = testing::Types<NormalContactPhase, SignedDistancePhase>;
+using PhasesOfSteps = testing::Types<NormalContactPhase, SignedDistancePhase, Swinging>;
 TYPED_TEST_SUITE(SupportedBodyNoAllocation, PhasesOfSteps);
 
 TYPED_TEST(SupportedBodyNoAllocation, InAStepThatChangesTheSupports) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -83,9 +84,42 @@ inline std::unique_ptr<SupportedBody<SignedDistancePhase>> make_relaxing(const s
                                                               SignedDistancePhase::Maker(half_space().surface, options));
 }
 
+inline constexpr double node_mass = 2e-4;  // kg
+
+/// The half-space with equal masses at its nodes: its modes are the eigenvectors of the compliance. The softest `modes`.
+inline std::shared_ptr<const CondensedSurface> massive_surface(int modes) {
+  auto s = std::make_shared<CondensedSurface>(*surface());
+  const auto n = static_cast<Eigen::Index>(3 * s->size());
+  using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> found(Eigen::Map<const Rows>(s->compliance.data(), n, n).cast<double>());
+  for (int k = 0; k < modes; ++k) s->frequencies.push_back(1.0 / std::sqrt(node_mass * found.eigenvalues()[n - 1 - k]));
+  for (Eigen::Index row = 0; row < n; ++row)
+    for (int k = 0; k < modes; ++k) s->shapes.push_back(static_cast<float>(found.eigenvectors()(row, n - 1 - k) / std::sqrt(node_mass)));
+  return s;
+}
+
+inline constexpr double swing_alpha = 20.0, swing_beta = 2e-4;  // 1/s, s
+
+/// A body with inertia; ticks of 1 ms. `damping` times the constants above.
+inline std::unique_ptr<SupportedBody<SignedDistancePhase>> make_swinging(const std::vector<Change>& changes, double damping = 1.0,
+                                                                         int modes = 20, double mu = 0.0, double sideways = 1.0) {
+  palpate::object::SignedDistanceOptions options;
+  options.friction = {mu, mu};
+  options.sideways = sideways;
+  options.modes.rayleigh_alpha = damping * swing_alpha;
+  options.modes.rayleigh_beta = damping * swing_beta;
+  return std::make_unique<SupportedBody<SignedDistancePhase>>(massive_surface(modes), changes,
+                                                              SignedDistancePhase::Maker(half_space().surface, options));
+}
+
+/// Names a body with inertia for make().
+struct Swinging {};
+
 template <class Phase>
-std::unique_ptr<SupportedBody<Phase>> make(std::vector<Change> changes) {
-  if constexpr (std::is_same_v<Phase, NormalContactPhase>)
+auto make(std::vector<Change> changes) {
+  if constexpr (std::is_same_v<Phase, Swinging>)
+    return make_swinging(changes);
+  else if constexpr (std::is_same_v<Phase, NormalContactPhase>)
     return std::make_unique<SupportedBody<Phase>>(surface(), changes, typename Phase::Maker());
   else
     return std::make_unique<SupportedBody<Phase>>(surface(), changes, typename Phase::Maker(half_space().surface, {}));

@@ -72,7 +72,8 @@ class Body(IndentableBody):
         It takes a fraction of the time of a build (`palpate.fem.supports`): build the body once, with the least
         support. Each held node keeps the mean displacement of its patch zero; nothing else in a region is held. Next
         to the held nodes, the compliance depends on the edge of the support within the spacing. A tip does not touch
-        held nodes. The vibration modes are lost.
+        held nodes. The vibration modes and residual vectors become those of the held body, as far as they can be
+        combined from those of this one.
 
         Raises:
             BodyError: a region has another form or contains no contact node, or all contact nodes are held.
@@ -87,10 +88,10 @@ class Body(IndentableBody):
         """Return the same body with supports and touchable nodes that change at times after rest.
 
         Held nodes stay where they are when they are grasped. A grasp changes neither force nor energy. After a release
-        an elastic body is in its new equilibrium at once, `viscoelastic` creeps there, and the energy of the constraint
-        is lost. A node that becomes touchable while the tip overlaps it is touched once the tip has been clear of it.
-        See docs/theory/deformable-models.md. `simulate_path` and a servo loop follow the changes; `indent` gives the
-        force before the first one.
+        an elastic body is in its new equilibrium at once, `viscoelastic` creeps there and `modal` swings about it, and
+        the rest of the energy of the constraint is lost. A node that becomes touchable while the tip overlaps it is
+        touched once the tip has been clear of it. See docs/theory/deformable-models.md. `simulate_path` and a servo
+        loop follow the changes; `indent` gives the force before the first one.
 
         Args:
             changes: in the order of time, each with `at` (s or text), and regions `held`, `touchable` or both
@@ -100,24 +101,26 @@ class Body(IndentableBody):
                 after its time.
 
         Raises:
-            BodyError: the model has inertia, or friction or creep without contact by signed distance. The times do not
-                increase, or the period is not that of the model. A region contains no contact node, no node can be
-                touched, or the compliance of the held nodes is singular.
+            BodyError: the model has friction, creep or inertia without contact by signed distance, or inertia and
+                creep. The times do not increase, or the period is not that of the model. A region contains no contact
+                node, no node can be touched, or the compliance of the held nodes is singular.
         """
         if changes is None:
             return self._rebuild_bare(self.contents, self.kind.friction)
         if isinstance(changes, str | Mapping) or not isinstance(changes, Sequence):
             raise BodyError(f"supports: a list of changes is needed, not {changes!r}")
         plan = SupportPlan(tuple(SupportChange.of(change) for change in changes), tick_period(period))
-        if self.kind.name == "viscoelastic" and self.kind.options["period"] != plan.period:
+        if self.kind.name in ("viscoelastic", "modal") and self.kind.options["period"] != plan.period:
             raise BodyError(
                 f"period: ticks of {plan.period:g} s; those of the model are {self.kind.options['period']:g} s"
             )
         smooth = self.kind.name == COMPLIANCE.name and self.kind.friction[0] == 0.0
-        if not smooth and not (self.kind.by_distance and self.kind.name != "modal"):
+        relaxes = self.kind.name == "modal" and float(self.kind.options["instantaneous_ratio"]) > 1.0
+        if not smooth and (relaxes or not self.kind.by_distance):
             raise BodyError(
-                "supports: supports that change at run time need a body without inertia: signed_distance, viscoelastic "
-                f'with contact="signed_distance", or compliance without friction; not {self.kind}'
+                'supports: supports that change at run time need signed_distance; with contact="signed_distance" '
+                "viscoelastic, or modal that does not relax; or compliance without friction; "
+                f"not {self.kind}"
             )
         body = type(self)(self.contents, self.kind._replace(supports=plan))
         body.core = body._supported_core()
@@ -196,8 +199,6 @@ class Body(IndentableBody):
         if len(self.contents.frequencies) == 0:
             if self.is_network:
                 raise BodyError("the body consists of springs, which have no modes here: use mass_spring")
-            if self.record.get("held"):
-                raise BodyError("a body with held nodes has no modes: build it with that support and modes=100")
             raise BodyError(
                 "the body was built without modes: build it with modes=100 (palpate body build --modes 100; of a "
                 "scenario's block or phantom, modes = 100)"

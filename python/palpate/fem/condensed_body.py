@@ -296,12 +296,7 @@ class CondensedBody:
         roles = np.ascontiguousarray(plan.roles(self.nodes))
         arguments: dict[str, Any] = {}
         if self.kind.by_distance:
-            names = (
-                *("vertices", "triangles", "node", "modulus", "poisson", "sideways", "contact_points"),
-                *("period", "instantaneous_ratio", "retardation_time"),
-            )
-            data = self._signed_distance_arguments()
-            arguments = {name: data[name] for name in names if name in data}
+            arguments = self._signed_distance_arguments()
             arguments["static_friction"], arguments["dynamic_friction"] = self.kind.friction
         try:
             return _core.SupportedBody(*self._arrays(), steps=plan.steps, roles=roles, **arguments)

@@ -2,12 +2,17 @@
 
 The displacements u of all nodes are C f + C_s r with the forces r on the k held rows s, which make u_s zero. So the
 compliance of the other nodes is C - C_s^T C_ss^-1 C_s: C_ss is the capacitance matrix (James & Pai, ArtDefo, 1999).
+
+The vibration modes of the body without the supports are coordinates in which those with them are found: with the shapes
+Phi, the frequencies W and the compliance R = C - Phi W^-2 Phi^T that they leave out, constant u_s leave the stiffness
+W^2 + Phi_s^T R_ss^-1 Phi_s. Its eigenvectors V are the modes, with the shapes (Phi - R_s^T R_ss^-1 Phi_s) V.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any, Final
 
 import numpy as np
 from scipy.linalg import LinAlgError, blas, cholesky, solve_triangular
@@ -18,9 +23,12 @@ from palpate.fem.errors import BodyError
 from palpate.fem.selectors import Selector, parse_selectors
 from palpate.fem.storage import BodyData
 
+_YIELD: Final = 1e-5  # compliance of a support over that of its node, in the mean of all directions
+_NEGLIGIBLE: Final = 1e-7  # static response of a mode over the compliance of a node
+
 
 def hold(contents: BodyData, regions: str | Selector | Sequence[str | Selector], vertices: Indices) -> BodyData:
-    """Return a body's contents with the contact nodes in the regions held in place, and without vibration modes.
+    """Return a body's contents with the contact nodes in the regions held in place, and its modes of vibration then.
 
     Args:
         contents: of the body.
@@ -57,13 +65,42 @@ def hold(contents: BodyData, regions: str | Selector | Sequence[str | Selector],
         normals=contents.normals[keep],
         areas=contents.areas[keep],
         compliance=_updated(contents.compliance, held),
-        frequencies=np.empty(0),
-        shapes=np.empty((3 * np.count_nonzero(keep), 0), dtype=np.float32),
-        residual_frequencies=np.empty(0),
-        residual_shapes=np.empty((0, 0), dtype=np.float32),
+        **_held_modes(contents, held),
         dirichlet=fixed,
         record={**contents.record, "held": [*contents.record.get("held", []), *map(str, where)]},
     )
+
+
+def _held_modes(contents: BodyData, held: Flags) -> dict[str, Any]:
+    """Return frequencies and shapes of a body's modes and residual vectors with nodes held (n,); as many modes.
+
+    Residual vectors may represent the whole compliance of a node, which leaves R_ss singular. So the supports have a
+    compliance of 1e-5 of the node's own. Residual vectors that only move them are left out.
+    """
+    count = len(contents.frequencies)
+    if count == 0:
+        return {"shapes": np.empty((3 * np.count_nonzero(~held), 0), dtype=np.float32)}
+    residual = contents.residual_shapes.reshape(len(contents.shapes), -1)
+    shapes = np.hstack([contents.shapes, residual]).astype(float)
+    squares = np.concatenate([contents.frequencies, contents.residual_frequencies]) ** 2
+    rows = np.repeat(held, 3)
+    inside, outside = shapes[rows], shapes[~rows]
+    own = np.diag(contents.compliance)[rows].reshape(-1, 3).mean(axis=1)
+    at_held = contents.compliance[np.ix_(rows, rows)] - inside / squares @ inside.T
+    at_held[np.diag_indices_from(at_held)] += np.repeat(_YIELD * own, 3)
+    pulled = np.linalg.solve(at_held, inside)
+    found, vectors = np.linalg.eigh(np.diag(squares) + inside.T @ pulled)
+    across = contents.compliance[np.ix_(~rows, rows)] - outside / squares @ inside.T
+    moved = (outside - across @ pulled) @ vectors
+    kept = (moved**2).max(axis=0, initial=0.0) / found > _NEGLIGIBLE * own.max(initial=0.0)
+    kept[:count] = True
+    frequencies, shapes = np.sqrt(found[kept]), moved[:, kept].astype(np.float32)
+    return {
+        "frequencies": frequencies[:count],
+        "shapes": np.ascontiguousarray(shapes[:, :count]),
+        "residual_frequencies": frequencies[count:],
+        "residual_shapes": np.ascontiguousarray(shapes[:, count:]),
+    }
 
 
 def _updated(compliance: Single, held: Flags) -> Single:

@@ -284,15 +284,20 @@ class BodyChoice(Section):
 
     def _check_supports(self, changes: tuple[SupportChoice, ...]) -> None:
         for_all = "held holds nodes of any kind over the whole run"
-        if self.kind == "viscoelastic" and self.contact != "signed_distance":
+        if self.kind in ("viscoelastic", "modal") and self.contact != "signed_distance":
             raise ValueError(
                 "supports: supports that change at run time need the contact by signed distance; write "
                 f'contact = "signed_distance"; {for_all}'
             )
-        if self.kind not in ("compliance", "signed_distance", "viscoelastic"):
+        if self.kind not in ("compliance", "signed_distance", "viscoelastic", "modal"):
             raise ValueError(
-                "supports: supports that change at run time need a body without inertia, of the kind compliance, "
-                f"signed_distance or viscoelastic; {for_all}"
+                "supports: supports that change at run time need a body of the kind compliance, signed_distance, "
+                f"viscoelastic or modal; {for_all}"
+            )
+        if self.kind == "modal" and self.options.get("instantaneous_ratio", 1.0) > 1.0:
+            raise ValueError(
+                "supports: the supports of a body with inertia that relaxes do not change; remove "
+                f'instantaneous_ratio, or write kind = "viscoelastic"; {for_all}'
             )
         if self.kind == "compliance" and self.options.get("static_friction", 0.0) > 0.0:
             raise ValueError(

@@ -10,11 +10,14 @@
 #include "palpate/deformable/contact/patch_points.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/deformable/contact/tip_contact.hpp"
+#include "palpate/deformable/linear/condensed_surface.hpp"
 #include "palpate/deformable/linear/creep_motion.hpp"
+#include "palpate/deformable/linear/modal_motion.hpp"
 #include "palpate/deformable/linear/support_field.hpp"
 #include "palpate/deformable/linear/support_offset.hpp"
 #include "palpate/deformable/linear/support_phase.hpp"
 #include "palpate/deformable/linear/supported_compliance.hpp"
+#include "palpate/deformable/linear/supported_modes.hpp"
 #include "palpate/math/vector.hpp"
 #include "palpate/object/signed_distance_body.hpp"
 
@@ -63,9 +66,9 @@ class NormalContactPhase {
   [[nodiscard]] std::int32_t contact_node(int k) const noexcept { return contact_.contact_nodes()[k]; }
   [[nodiscard]] Vector3<> node_force(int k) const noexcept { return -contact_.forces()[k] * data_->nodes.normal(contact_node(k)); }
   /// Append the loads of the tip on the body.
-  void append_loads(std::vector<deformable::NodeLoad>& loads) const noexcept {
+  void append_loads(deformable::BodyLoads& loads) const noexcept {
     for (int k = 0; k < contact_count(); ++k)
-      loads.push_back({.node = phase().touched()[static_cast<std::size_t>(contact_node(k))], .force = node_force(k)});
+      loads.nodes.push_back({.node = phase().touched()[static_cast<std::size_t>(contact_node(k))], .force = node_force(k)});
   }
   [[nodiscard]] Vector3<> outward(const deformable::Tip& tip) const noexcept { return contact_.outward(tip); }
   void reset() noexcept { contact_.reset(); }
@@ -85,7 +88,8 @@ class NormalContactPhase {
   deformable::TipContact<deformable::SupportedCompliance> contact_;
 };
 
-/// Contact by signed distance of a static body or a standard linear solid between two changes of its supports; see SupportedBody.
+/// Contact by signed distance between two changes of the supports of a body that is static, a standard linear solid, or elastic with
+/// inertia; see SupportedBody.
 class SignedDistancePhase final : public SignedDistanceBody {
  public:
   struct Data {
@@ -93,7 +97,8 @@ class SignedDistancePhase final : public SignedDistanceBody {
     std::shared_ptr<const deformable::SupportPhase> phase;
   };
 
-  /// The data of every phase of a body, from its whole contact surface. Without inertia.
+  /// The data of every phase of a body, from its whole contact surface. Of the options' modes it takes the damping: frequencies and shapes
+  /// are those of the phase. A standard linear solid has none.
   class Maker {
    public:
     Maker(deformable::ContactSurface surface, SignedDistanceOptions options) : surface_(std::move(surface)), options_(std::move(options)) {
@@ -106,7 +111,10 @@ class SignedDistancePhase final : public SignedDistanceBody {
       for (const std::int32_t node : phase->touched()) surface.modulus.push_back(surface_.modulus[static_cast<std::size_t>(node)]);
       for (std::int32_t& node : surface.node)
         if (node >= 0) node = phase->local(node);
-      auto body = std::make_shared<const SignedDistanceBody::Data>(phase->contact_nodes(), phase->compliance().data(), surface, options_);
+      SignedDistanceOptions options = options_;
+      options.modes.shapes = phase->modes().shapes().data();
+      options.modes.frequencies = phase->modes().frequencies();
+      auto body = std::make_shared<const SignedDistanceBody::Data>(phase->contact_nodes(), phase->compliance().data(), surface, options);
       return std::make_shared<const Data>(Data{std::move(body), std::move(phase)});
     }
 
@@ -119,7 +127,11 @@ class SignedDistancePhase final : public SignedDistanceBody {
       : SignedDistanceBody(data->body),
         phase_data_(std::move(data)),
         offset_(nodes(), phase_data_->phase, sideways(), phase_data_->body->patches.creep),
-        creep_(static_cast<deformable::CreepMotion*>(contact_of_tips().motion())) {
+        creep_(phase().modes().size() > 0 ? nullptr : static_cast<deformable::CreepMotion*>(contact_of_tips().motion())),
+        modal_(phase().modes().size() > 0 ? static_cast<deformable::ModalMotion*>(contact_of_tips().motion()) : nullptr),
+        own_(phase().modes().size()),
+        velocity_(own_),
+        of_body_(own_) {
     contact_of_tips().set_offset(&offset_);
     if (creep_ != nullptr) creep_->set_supports(&offset_);
   }
@@ -129,19 +141,24 @@ class SignedDistancePhase final : public SignedDistanceBody {
   [[nodiscard]] int contact_count() const noexcept { return contact().contact_count(); }
   [[nodiscard]] std::int32_t contact_node(int k) const noexcept { return contact().contact_node(k); }
 
-  /// Append the loads of the tips on the body.
-  void append_loads(std::vector<deformable::NodeLoad>& loads) const noexcept {
+  /// Append the loads of the tips on the body, and set those of the modes.
+  void append_loads(deformable::BodyLoads& loads) noexcept {
     const double series = 1.0 - phase_data_->body->patches.creep.delayed_ratio;
-    for (int k = 0; k < contact_count(); ++k) loads.push_back({.node = body_node(contact_node(k)), .force = series * counted_force(k)});
-    if (creep_ == nullptr) return;
-    for (const std::int32_t node : creep_->delayed().nodes())
-      loads.push_back({.node = body_node(node), .delayed = offset_.counted(node, creep_->delayed().at(node))});
+    for (int k = 0; k < contact_count(); ++k)
+      loads.nodes.push_back({.node = body_node(contact_node(k)), .force = series * counted_force(k)});
+    if (creep_ != nullptr)
+      for (const std::int32_t node : creep_->delayed().nodes())
+        loads.nodes.push_back({.node = body_node(node), .delayed = offset_.counted(node, creep_->delayed().at(node))});
+    if (modal_ == nullptr) return;
+    for (std::size_t k = 0; k < own_.size(); ++k) own_[k] = modal_->inertial_force(k);
+    phase().modes().velocity_to_body(own_.data(), loads.modes.data());
   }
 
   void take_over(const SignedDistancePhase& before) noexcept {
     const std::vector<std::int32_t>& touched = before.phase().touched();
     offset_.start_over();
     take_tool(before);
+    if (modal_ != nullptr) take_motion(before);
     contact_of_tips().take_over(before.contact(),
                                 [&](std::int32_t node) { return phase().local(touched[static_cast<std::size_t>(node)]); });
     if (creep_ != nullptr)
@@ -152,9 +169,21 @@ class SignedDistancePhase final : public SignedDistanceBody {
   [[nodiscard]] std::int32_t body_node(std::int32_t node) const noexcept { return phase().touched()[static_cast<std::size_t>(node)]; }
   [[nodiscard]] Vector3<> counted_force(int k) const noexcept { return offset_.counted(contact_node(k), node_force(k)); }
 
+  /// Continue the motion of the modes: the body's coordinates and velocities stay.
+  void take_motion(const SignedDistancePhase& before) noexcept {
+    const deformable::SupportedModes &modes = phase().modes(), &old = before.phase().modes();
+    old.to_body(before.modal_->values(), before.offset_.field().forces(), of_body_.data());
+    modes.from_body(of_body_.data(), field().forces(), own_.data());
+    old.velocity_to_body(before.modal_->velocities(), of_body_.data());
+    modes.velocity_from_body(of_body_.data(), velocity_.data());
+    modal_->set_state(own_.data(), velocity_.data(), own_.size());
+  }
+
   std::shared_ptr<const Data> phase_data_;
   deformable::SupportOffset offset_;
-  deformable::CreepMotion* creep_;  // memory of the contact's body; null: static
+  deformable::CreepMotion* creep_;                // memory of the contact's body, or null
+  deformable::ModalMotion* modal_;                // the same of a body with inertia
+  std::vector<double> own_, velocity_, of_body_;  // scratch of take_motion(): of the phase's and the body's modes
 };
 
 }  // namespace palpate::object

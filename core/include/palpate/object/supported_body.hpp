@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "palpate/deformable/linear/support_field.hpp"
+#include "palpate/deformable/linear/condensed_surface.hpp"
 #include "palpate/deformable/linear/support_phase.hpp"
 #include "palpate/math/latest_value.hpp"
 #include "palpate/math/vector.hpp"
@@ -36,7 +36,7 @@ class BodyWithSupports : public DeformableObject {
   /// Number of contact nodes of the last step.
   [[nodiscard]] virtual int contact_count() const noexcept = 0;
 
-  /// Whether the force depends on more than the present tip, friction and supports: the body creeps.
+  /// Whether the force depends on more than the present tip, friction and supports: the body creeps or swings.
   [[nodiscard]] virtual bool has_memory() const noexcept = 0;
 
   /// Number of nodes of the body.
@@ -50,15 +50,16 @@ class BodyWithSupports : public DeformableObject {
   [[nodiscard]] BodyWithSupports* with_supports() noexcept final { return this; }
 };
 
-/// A linear body without inertia, whose supports change at steps that are known, and on request. Friction and creep continue over a change.
+/// A linear body whose supports change at steps that are known, and on request. Friction, creep and vibration continue over a change.
 ///
 /// Held nodes stay where they are when they are grasped, so a grasp at a displacement displaces the body until it is released
-/// (SupportField). A grasp changes neither displacement nor energy. After a release an elastic body is in its new equilibrium at once, and
-/// a standard linear solid creeps there; the energy of the constraint is dissipated. A node that becomes touched while the tip overlaps it
-/// is touched once the tip has been clear of it. So no change supplies energy. The supports do not move, so they do no work.
+/// (SupportField). A grasp changes neither displacement nor energy. After a release a body without inertia is in its new equilibrium at
+/// once, a standard linear solid creeps there, and modes swing about it; the energy of the constraint that they do not take is dissipated.
+/// A node that becomes touched while the tip overlaps it is touched once the tip has been clear of it. So no change supplies energy. The
+/// supports do not move, so they do no work.
 ///
 /// A step that changes the supports does not allocate. It computes their forces, in a time in proportion to the held nodes times those in
-/// contact or held before or with a delayed force.
+/// contact or held before or with a delayed force, and times the modes.
 template <class Phase>
 class SupportedBody final : public BodyWithSupports {
  public:
@@ -156,13 +157,14 @@ class SupportedBody final : public BodyWithSupports {
 
   void start() {
     for (const auto& data : plan_->phases) scheduled_.push_back(std::make_unique<Phase>(data));
-    loads_.reserve(capacity + 3 * size());  // contact; delayed forces of this phase and of those before; supports
+    loads_.nodes.reserve(capacity + 3 * size());  // contact; delayed forces of this phase and of those before; supports
+    loads_.modes.resize(plan_->surface->modes());
     reset();
   }
 
-  /// List the loads of a phase, supports included, by the nodes of the body.
+  /// List the loads of a phase, supports included, by the nodes and modes of the body.
   void gather(Phase& phase) noexcept {
-    loads_.clear();
+    loads_.nodes.clear();
     phase.append_loads(loads_);
     phase.field().append(loads_);
   }
@@ -184,7 +186,7 @@ class SupportedBody final : public BodyWithSupports {
   std::int64_t step_ = 0, changes_ = 0;
   LatestValue<std::unique_ptr<Phase>> requested_;
   std::array<std::int32_t, capacity> contact_nodes_{};
-  std::vector<deformable::NodeLoad> loads_;
+  deformable::BodyLoads loads_;
 };
 
 }  // namespace palpate::object

@@ -363,10 +363,12 @@ template <class Phase>
     from.fail("contact_points", "are at most " + std::to_string(deformable::SignedDistanceContact::max_tips));
   if (!reader.ok()) return nullptr;
   if (from.has("support_steps")) {
-    if (!options.modes.frequencies.empty()) {
-      from.fail("support_steps", "need a body without inertia");
+    if (!options.modes.frequencies.empty() && options.instantaneous_ratio > 1.0) {
+      from.fail("support_steps", "need a body without inertia, or one that does not relax");
       return nullptr;
     }
+    condensed.shapes = std::move(shapes);
+    condensed.frequencies = options.modes.frequencies;
     return read_supported<object::SignedDistancePhase>(reader, from, std::move(condensed),
                                                        object::SignedDistancePhase::Maker(surface, options));
   }
@@ -417,13 +419,13 @@ template <class Phase>
   const bool rough = friction.mu_static > 0.0;
   if (model == "signed_distance") {
     if (!reader.ok()) return nullptr;
-    return read_signed_distance(reader, from, std::move(nodes), {points, normals, areas, std::move(full)}, friction);
+    return read_signed_distance(reader, from, std::move(nodes), {points, normals, areas, std::move(full), {}, {}}, friction);
   }
   if (model == "compliance") {
     if (!reader.ok()) return nullptr;
     if (from.has("support_steps")) {
       if (rough) from.fail("support_steps", "of a body with friction need the model signed_distance");
-      return read_supported<object::NormalContactPhase>(reader, from, {points, normals, areas, std::move(full)}, {});
+      return read_supported<object::NormalContactPhase>(reader, from, {points, normals, areas, std::move(full), {}, {}}, {});
     }
     const deformable::Compliance body(nodes, full.data(), rough);
     return own(std::move(nodes), body, friction);

@@ -114,7 +114,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     results_.fill({});
   }
 
-  /// Let the supports displace the body by `offset`, which must outlive the contact. For a body without inertia.
+  /// Let the supports displace the body by `offset`, which must outlive the contact.
   void set_offset(SupportOffset* offset) noexcept {
     offset_ = offset;
     near_.set_offset(offset);

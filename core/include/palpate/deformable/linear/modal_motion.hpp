@@ -123,6 +123,28 @@ class ModalMotion final : public BodyMotion {
   void reset() noexcept override {
     for (Values& v : state_) v.setZero();
     std::fill(next_free_.begin(), next_free_.end(), detail::FloatLine());
+    std::fill(modal_force_.begin(), modal_force_.end(), detail::FloatLine());
+  }
+
+  /// Values [sqrt(kg) m] and velocities [sqrt(kg) m/s] of the modes.
+  [[nodiscard]] const double* values() const noexcept { return state_[0].data(); }
+  [[nodiscard]] const double* velocities() const noexcept { return state_[1].data(); }
+
+  /// Force on mode k that inertia and damping exert at the end of the last period, as if the mode were in equilibrium, N/sqrt(kg).
+  [[nodiscard]] double inertial_force(std::size_t k) const noexcept {
+    const auto i = static_cast<Eigen::Index>(k);
+    return omega2_[i] * state_[0][i] - static_cast<double>(modal_force_.data()->value[k]);
+  }
+
+  /// Continue with the first `count` values and velocities, of an elastic body.
+  void set_state(const double* values, const double* velocities, std::size_t count) noexcept {
+    float* const free = next_free_.data()->value.data();
+    for (std::size_t k = 0; k < count; ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      state_[0][i] = values[k];
+      state_[1][i] = velocities[k];
+      free[k] = static_cast<float>(transition_[0][i] * values[k] + transition_[1][i] * velocities[k]);
+    }
   }
 
   [[nodiscard]] std::unique_ptr<BodyMotion> clone_at_rest() const override {

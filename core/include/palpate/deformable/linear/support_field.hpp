@@ -7,20 +7,12 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/deformable/linear/condensed_surface.hpp"
 #include "palpate/deformable/linear/creep.hpp"
 #include "palpate/deformable/linear/support_phase.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
-
-/// Load on a node of a condensed body. Loads displace the body by its long-term compliance C under the sum of both parts.
-struct NodeLoad {
-  std::int32_t node = 0;
-  Vector3<> force = Vector3<>::Zero();    ///< N; on a standard linear solid over the ratio r of its moduli
-  Vector3<> delayed = Vector3<>::Zero();  ///< q, see DelayedForces, N; zero on an elastic body
-
-  [[nodiscard]] Vector3<> total() const noexcept { return force + delayed; }
-};
 
 /// Displacement of a body whose held nodes stay where they were grasped, without the loads of a tip since then.
 ///
@@ -36,6 +28,8 @@ struct NodeLoad {
 ///   q_s = -C_ss^-1 C_sn q_n + delta w + exp(-r t / T) d,
 /// with d from the grasp. Then the energy is that of the body with the compliance C' plus
 ///   u_s* . w / 2 + r / (2 delta) exp(-2 r t / T) d . C_ss d,   without mixed terms.
+///
+/// A body with inertia (SupportedModes) moves about this displacement. Its inertial and damping forces are loads of the modes.
 class SupportField {
  public:
   /// `law` is that of a standard linear solid, or of an elastic body.
@@ -73,14 +67,17 @@ class SupportField {
 
   /// Hold the nodes where the body is under all its loads, those of supports included (see append()). Does not allocate. Takes a time in
   /// proportion to the held nodes times the loads.
-  void grasp(const std::vector<NodeLoad>& loads) noexcept {
+  void grasp(const BodyLoads& loads) noexcept {
     release();
-    for (const NodeLoad& load : loads) {
+    const SupportedModes& modes = phase_->modes();
+    if (modes.size() > 0) modes.add_share(loads.modes, forces_);
+    for (const NodeLoad& load : loads.nodes) {
       add_share(load.node, load.total(), forces_);
       if (law_.delayed_ratio > 0.0) add_share(load.node, load.delayed, excess_);
     }
     double both_work = 0.0, delayed_work = 0.0;
-    for (const NodeLoad& load : loads) {
+    if (modes.size() > 0) held_work_ += modes.work(loads.modes, forces_);
+    for (const NodeLoad& load : loads.nodes) {
       const Vector3<> u = of_supports(load.node, forces_);
       held_work_ += load.total().dot(u);
       if (!(law_.delayed_ratio > 0.0)) continue;
@@ -125,13 +122,14 @@ class SupportField {
     delayed_left_ = excess_left_ = 1.0;
   }
 
-  /// Append the delayed forces of the time before and the forces of the supports to the loads of a tip. Does not allocate within the
-  /// capacity of `loads`.
-  void append(std::vector<NodeLoad>& loads) noexcept {
+  /// Append the delayed forces of the time before and the forces of the supports to the loads of a tip and of the modes. Does not allocate
+  /// within the capacity of `of_body`.
+  void append(BodyLoads& of_body) noexcept {
+    std::vector<NodeLoad>& loads = of_body.nodes;
     for (const NodeLoad& load : delayed_) loads.push_back({.node = load.node, .delayed = delayed_left_ * load.delayed});
     const std::vector<std::int32_t>& held = phase_->held();
     const std::size_t others = loads.size();
-    if (held.empty() || (others == 0 && !active_)) return;
+    if (held.empty() || (of_body.empty() && !active_)) return;
     const double delta = law_.delayed_ratio;
     for (std::size_t h = 0; h < held.size(); ++h)
       loads.push_back({held[h], (1.0 - delta) * forces_[h] - excess_left_ * excess_[h], delta * forces_[h] + excess_left_ * excess_[h]});
@@ -139,16 +137,25 @@ class SupportField {
       subtract_share(loads[k].node, loads[k].force, loads.data() + others, &NodeLoad::force);
       if (delta > 0.0) subtract_share(loads[k].node, loads[k].delayed, loads.data() + others, &NodeLoad::delayed);
     }
+    if (phase_->modes().size() > 0) phase_->modes().subtract_share(of_body.modes, loads.data() + others);
   }
 
   /// Displacement of any node of the body under all its loads, m.
+  [[nodiscard]] Vector3<> displacement_under(std::int32_t node, const BodyLoads& loads) const noexcept {
+    const Vector3<> u = displacement_under(node, loads.nodes);
+    return phase_->modes().size() > 0 ? Vector3<>(u + phase_->modes().displacement(node, loads.modes)) : u;
+  }
+
+  /// Forces w of the supports, N.
+  [[nodiscard]] const std::vector<Vector3<>>& forces() const noexcept { return forces_; }
+
+ private:
   [[nodiscard]] Vector3<> displacement_under(std::int32_t node, const std::vector<NodeLoad>& loads) const noexcept {
     Vector3<> u = Vector3<>::Zero();
     for (const NodeLoad& load : loads) u += block(node, load.node) * load.total();
     return u;
   }
 
- private:
   static constexpr double negligible = 1e-12;
 
   [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
@@ -209,11 +216,12 @@ class SupportField {
     return m;
   }
 
-  /// Displacement of a node under forces of the supports, m.
+  /// Displacement of a node under forces of the supports, m; of a held node with that of its support.
   [[nodiscard]] Vector3<> of_supports(std::int32_t node, const std::vector<Vector3<>>& forces) const noexcept {
     const std::vector<std::int32_t>& held = phase_->held();
     Vector3<> u = Vector3<>::Zero();
     for (std::size_t h = 0; h < held.size(); ++h) u += block(node, held[h]) * forces[h];
+    if (const std::int32_t h = phase_->held_index(node); h >= 0) u += phase_->yielding(h) * forces[at(h)];
     return u;
   }
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -9,25 +8,12 @@
 #include <vector>
 
 #include "palpate/deformable/contact/surface_nodes.hpp"
+#include "palpate/deformable/linear/cholesky_factor.hpp"
+#include "palpate/deformable/linear/condensed_surface.hpp"
+#include "palpate/deformable/linear/supported_modes.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
-
-/// Contact nodes of a condensed body without the supports that change, and their compliance; shared by its phases.
-struct CondensedSurface {
-  std::vector<Vector3<>> points;   ///< at rest, m
-  std::vector<Vector3<>> normals;  ///< outward, unit
-  std::vector<double> areas;       ///< of the nodes' patches, m^2
-  std::vector<float> compliance;   ///< 3n x 3n [m/N], symmetric positive definite; row 3 x node + axis
-
-  [[nodiscard]] std::size_t size() const noexcept { return points.size(); }
-};
-
-/// Nodes that are held in place, and those that a tip can touch, in ascending order. A held node is not touched.
-struct SupportNodes {
-  std::vector<std::int32_t> held, touched;
-  friend bool operator==(const SupportNodes&, const SupportNodes&) = default;
-};
 
 /// A condensed body between two changes of its supports. The forces r on the k held nodes s that keep their displacements zero reduce the
 /// compliance of the m touched nodes to
@@ -40,9 +26,20 @@ class SupportPhase {
       : surface_(std::move(surface)), nodes_(std::move(nodes)), local_(surface_->size(), -1), held_(surface_->size(), -1) {
     for (std::size_t k = 0; k < nodes_.touched.size(); ++k) local_[at(nodes_.touched[k])] = static_cast<std::int32_t>(k);
     for (std::size_t k = 0; k < nodes_.held.size(); ++k) held_[at(nodes_.held[k])] = static_cast<std::int32_t>(k);
-    std::vector<double> factor;
-    definite_ = factorize(factor);
-    if (definite_) update(factor);
+    for (std::size_t k = 0; surface_->modes() > 0 && k < nodes_.held.size(); ++k) {
+      const std::size_t row = 3 * at(nodes_.held[k]);
+      yielding_.push_back(yield_ratio / 3.0 * (entry(row, row) + entry(row + 1, row + 1) + entry(row + 2, row + 2)));
+    }
+    const CholeskyFactor capacitance(
+        3 * nodes_.held.size(),
+        [&](std::size_t r, std::size_t c) {
+          return entry(row_of(nodes_.held, r), row_of(nodes_.held, c)) + (r == c ? yielding(static_cast<std::int32_t>(r / 3)) : 0.0);
+        },
+        [&](std::size_t r) { return min_pivot * entry(row_of(nodes_.held, r), row_of(nodes_.held, r)); });
+    if (!capacitance.definite()) return;
+    if (surface_->modes() > 0) modes_ = SupportedModes(*surface_, nodes_, capacitance, yielding_, min_pivot);
+    definite_ = modes_.definite();
+    if (definite_) update(capacitance);
   }
 
   /// Whether the compliance of the held nodes is positive definite to rounding; otherwise the phase cannot be used.
@@ -53,6 +50,13 @@ class SupportPhase {
   /// Index of a node of the body among the touched or the held nodes, or -1.
   [[nodiscard]] std::int32_t local(std::int32_t node) const noexcept { return local_[at(node)]; }
   [[nodiscard]] std::int32_t held_index(std::int32_t node) const noexcept { return held_[at(node)]; }
+
+  /// Of a body with inertia; size 0: none.
+  [[nodiscard]] const SupportedModes& modes() const noexcept { return modes_; }
+
+  /// Compliance of the support of a held node, by its index among them, m/N: of a body with inertia `yield_ratio` of the node's own in the
+  /// mean of all directions, otherwise none. Mass at a node that nothing yields to would stop in no time.
+  [[nodiscard]] double yielding(std::int32_t held) const noexcept { return yielding_.empty() ? 0.0 : yielding_[at(held)]; }
 
   /// C' (3m)^2, m/N.
   [[nodiscard]] const std::vector<float>& compliance() const noexcept { return compliance_; }
@@ -84,25 +88,8 @@ class SupportPhase {
     return static_cast<double>(surface_->compliance[row * 3 * surface_->size() + column]);
   }
 
-  /// Compute Cholesky's factor L of C_ss; row c of `columns` is column c of L. Return false if C_ss is not definite to rounding.
-  bool factorize(std::vector<double>& columns) const {
-    const std::size_t n = 3 * nodes_.held.size();
-    columns.assign(n * n, 0.0);
-    for (std::size_t c = 0; c < n; ++c)
-      for (std::size_t r = c; r < n; ++r) columns[c * n + r] = entry(row_of(nodes_.held, c), row_of(nodes_.held, r));
-    for (std::size_t c = 0; c < n; ++c) {
-      double* const column = columns.data() + c * n;
-      const double pivot = column[c], diagonal = entry(row_of(nodes_.held, c), row_of(nodes_.held, c));
-      if (!(pivot > min_pivot * diagonal)) return false;
-      const double scale = 1.0 / std::sqrt(pivot);
-      for (std::size_t r = c; r < n; ++r) column[r] *= scale;
-      for (std::size_t next = c + 1; next < n; ++next) subtract(column[next], column + next, columns.data() + next * n + next, n - next);
-    }
-    return true;
-  }
-
   /// Compute C' = C - U^T U with U = L^-1 C_s, and the shares L^-T U.
-  void update(const std::vector<double>& columns) {
+  void update(const CholeskyFactor& capacitance) {
     std::vector<std::int32_t> others = nodes_.touched;  // then those that only deform
     for (std::int32_t node = 0; node < static_cast<std::int32_t>(surface_->size()); ++node)
       if (local_[at(node)] < 0 && held_[at(node)] < 0) others.push_back(node);
@@ -110,15 +97,9 @@ class SupportPhase {
     std::vector<double> u(n * m);
     for (std::size_t r = 0; r < n; ++r)
       for (std::size_t c = 0; c < m; ++c) u[r * m + c] = entry(row_of(nodes_.held, r), row_of(others, c));
-    for (std::size_t r = 0; r < n; ++r) {
-      scale(1.0 / columns[r * n + r], u.data() + r * m, m);
-      for (std::size_t next = r + 1; next < n; ++next) subtract(columns[r * n + next], u.data() + r * m, u.data() + next * m, m);
-    }
+    capacitance.solve_lower(u.data(), m);
     reduce(u, m);
-    for (std::size_t r = n; r-- > 0;) {
-      for (std::size_t k = r + 1; k < n; ++k) subtract(columns[r * n + k], u.data() + k * m, u.data() + r * m, m);
-      scale(1.0 / columns[r * n + r], u.data() + r * m, m);
-    }
+    capacitance.solve_upper(u.data(), m);
     shares_.assign(3 * surface_->size() * n, 0.0F);
     for (std::size_t c = 0; c < m; ++c)
       for (std::size_t r = 0; r < n; ++r) shares_[row_of(others, c) * n + r] = static_cast<float>(u[r * m + c]);
@@ -138,26 +119,22 @@ class SupportPhase {
             tile[r * wide + c] = entry(row_of(nodes_.touched, top + r), row_of(nodes_.touched, left + c));
         for (std::size_t k = 0; k < n; ++k)
           for (std::size_t r = 0; r < rows; ++r)
-            subtract(u[k * width + top + r], u.data() + k * width + left, tile.data() + r * wide, count);
+            CholeskyFactor::subtract(u[k * width + top + r], u.data() + k * width + left, tile.data() + r * wide, count);
         for (std::size_t r = 0; r < rows; ++r)
           for (std::size_t c = 0; c < count && left + c <= top + r; ++c)
             compliance_[(top + r) * m + left + c] = compliance_[(left + c) * m + top + r] = static_cast<float>(tile[r * wide + c]);
       }
   }
 
-  static void subtract(double times, const double* row, double* from, std::size_t count) noexcept {
-    for (std::size_t c = 0; c < count; ++c) from[c] -= times * row[c];
-  }
-  static void scale(double times, double* row, std::size_t count) noexcept {
-    for (std::size_t c = 0; c < count; ++c) row[c] *= times;
-  }
-
+  static constexpr double yield_ratio = 1e-5;
   static constexpr double min_pivot = 1e-6;  // of the diagonal: the rounding of a compliance in single precision
 
   std::shared_ptr<const CondensedSurface> surface_;
   SupportNodes nodes_;
   std::vector<std::int32_t> local_, held_;  // by node of the body
   bool definite_ = false;
+  SupportedModes modes_;
+  std::vector<double> yielding_;  // by held node, m/N; or none
   std::vector<float> compliance_, shares_;
 };
 

@@ -534,3 +534,55 @@ def test_friction_of_any_object_of_a_scene_hides_what_its_linear_loop_does() -> 
         tables = {key: value for key, value in press().items() if key != "object"}
         scene = Scenario.from_dict({**tables, "objects": {"one": spring, "two": rough}})
         assert lossy(scene, scene.load_device().frictionless()) is (friction > 0.0)
+
+
+def bouncing(contacts: int, touching: float = 0.2, growth: float = 1.0, widening: float = 0.0) -> State:
+    """Decide a loop that bounces 1 mm high under a force that presses it on."""
+    late = 1e-3
+    evidence = Evidence.of(
+        1,
+        unstable_from=np.nan,
+        early=late / growth**3,
+        prior=late / growth,
+        late=late,
+        ripple=1e-3,
+        swing=1e-3,
+        swing_before=1e-3 / growth,
+        ripple_before=1e-3 / growth,
+        deflection=0.5e-3,
+        touching=touching,
+        contacts=contacts,
+        apart=1.0 - touching,
+        pressed=True,
+        widening=widening,
+        turns=contacts + 1.0,
+    )
+    return State(int(decide(evidence)[0]))
+
+
+@pytest.mark.parametrize("touching", [0.2, 0.8])
+def test_bounces_of_one_period_have_one_state_however_many_are_in_a_fifth(touching: float) -> None:
+    """Two contacts show a period. One alone, or bounces that decay, may be the last ones."""
+    for contacts in (2, 3, 4, 9):
+        assert bouncing(contacts, touching) is State.BOUNDED_OSCILLATION
+        assert bouncing(contacts, touching, growth=1.25, widening=1.25) is State.UNSTABLE
+    for contacts in (0, 1):
+        assert bouncing(contacts, touching) is State.CONTACT_LOST
+    for contacts in (2, 3):
+        assert bouncing(contacts, touching, growth=0.95) is State.CONTACT_LOST
+
+
+def test_a_lost_contact_that_comes_back_asks_for_a_longer_run() -> None:
+    """A hand pushes a light device against a wall: it bounces at the end of a short run, and settles in a long one."""
+    scenario = press(
+        servo={"period": "1 ms"},
+        reference={"force": ["0 N", "0 N", "-0.3 N"]},
+        operator={"kind": "arm", "mass": "60 g", "damping": "0.2 N*s/m", "stiffness": "20 N/m"},
+        object={"kind": "wall", "stiffness": "0.3 N/mm", "normal": [0, 0, 1], "position": ["0 mm", "0 mm", "-2 mm"]},
+        run={"duration": "0.3 s"},
+    )
+    del scenario["controller"], scenario["servo"]["topology"]
+    verdict = palpate.simulate(scenario).verdict
+    assert verdict.state is State.CONTACT_LOST, verdict
+    assert "it touches it within the last 0.059 s and may bounce on: give a longer run.duration" in verdict.reason
+    assert palpate.simulate({**scenario, "run": {"duration": "2 s"}}).verdict.settled

@@ -193,6 +193,8 @@ def _explained(
         since, reason = _reach(trace, scenario, window)
     elif state is State.CONTACT_LOST:
         since, reason = _lost(trace, float(e.apart[0]))
+        if e.touching[0] > 0.0 and pushed_through(trace) is None:
+            reason += f"; it touches it within the last {span} and may bounce on: give a longer run.duration"
     elif state is State.DRIVE_LIMIT:
         since, reason = _limited(trace, window)
     elif state is State.BOUNDED_OSCILLATION:

@@ -53,6 +53,7 @@ STAYS = 0.4  # of the band: way of the tip in a continued run above which encode
 CHATTER = 0.5  # of two encoder counts: oscillation above which it may be a growing one where no linear loop is known
 TRAVEL = 3.0  # range of the motion over its oscillation above which the tip travels
 MOST_CONTACTS = 3  # contacts begun in the last fifth of the window above which the tip bounces
+RETURNS = 2  # the same from which on bounces that grow or last are no loss of contact
 PERSISTS, MOST = 0.3, 0.9  # share of the response to a push that counts as persistent; the same near the limit
 SLOWER = 3.0  # factor on what the linear loop's slowest motion keeps, above which a response persists
 APART = 0.05  # share of the time since contact is established off the object, though pressed: contact is lost above
@@ -378,7 +379,7 @@ def _grows(e: Evidence, ratio: Array, mean: Array) -> NDArray[np.bool_]:
 
 
 def _lost(e: Evidence) -> NDArray[np.bool_]:
-    """Return whether tips (n,) have lost contact; one that bounces has not."""
+    """Return whether tips (n,) have lost contact, unless their bounces grow or last; one that bounces often has not."""
     off = e.pressed & ((e.touching == 0.0) | ((e.touching < 0.5) & (e.contacts <= MOST_CONTACTS)))
     return np.asarray(off | ((e.apart > APART) & (e.contacts <= MOST_CONTACTS)), dtype=bool)
 
@@ -429,11 +430,12 @@ def decide(e: Evidence) -> NDArray[np.int8]:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.where(e.late <= STILL, 0.0, e.late / e.prior)
         mean = np.where(e.late <= STILL, 0.0, np.cbrt(e.late / e.early))
-    stable, lost = e.linear > 0, _lost(e)
+    stable, lost, returns = e.linear > 0, _lost(e), e.contacts >= RETURNS
     limited = stable & (e.saturated > SHARE)  # the motion to a new rest when the drive gets warm
-    unstable = ~np.isnan(e.unstable_from) | (_grows(e, ratio, mean) & ~lost & ~limited & e.constant)
+    unstable = ~np.isnan(e.unstable_from) | (_grows(e, ratio, mean) & (~lost | returns) & ~limited & e.constant)
     decays = stable & (ratio < np.fmax(1.0 / GROWING, np.sqrt(e.decay)))
     sustained, falls = _sustained(e, ratio, mean) & ~decays, _falls(e, ratio, mean)
+    lost &= ~(returns & sustained & (mean > 1.0 / GROWING))
     lasting = np.where(np.isnan(e.decay), 0.0, np.minimum(e.decay, 1.0)) ** 4
     persists = e.kept > np.clip(SLOWER * lasting, PERSISTS, MOST)
     bounces = e.pressed & (e.contacts > MOST_CONTACTS)

@@ -14,10 +14,11 @@ from palpate.metrics import summarize
 from palpate.scenario import Scenario
 from palpate.simulation import build_simulation
 from palpate.simulation.continuation import LATER, SHIFTS, durations_on, resting_window, way_on
+from palpate.simulation.decision import STAYS, band_of
 from palpate.simulation.evidence import evidence
 from palpate.simulation.judgment import judge
 from palpate.simulation.trace import Trace
-from palpate.simulation.verdict import STAYS, State, band_of
+from palpate.simulation.verdict import State
 from palpate.simulation.windows import Window
 
 

@@ -10,11 +10,12 @@ import numpy as np
 import palpate
 import pytest
 from palpate.scenario import Scenario
+from palpate.simulation.decision import GENERATED, SWING, Evidence, decide
 from palpate.simulation.energy_balance import EnergyBalance, energy_balance
 from palpate.simulation.evidence import evidence
 from palpate.simulation.recorded import external_forces
 from palpate.simulation.trace import Trace
-from palpate.simulation.verdict import GENERATED, SWING, Evidence, State, decide
+from palpate.simulation.verdict import State
 from palpate.simulation.windows import Window, windows
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"

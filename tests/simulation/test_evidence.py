@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from palpate.simulation.decision import FLOOR, Evidence, decide, growth
 from palpate.simulation.evidence import (
     _apart,
     _arm_stiffness,
@@ -26,7 +27,7 @@ from palpate.simulation.judgment import _hidden, _lost, _oscillation, _undecided
 from palpate.simulation.outcome_rows import outcome_of
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
 from palpate.simulation.trace import Trace
-from palpate.simulation.verdict import FLOOR, Evidence, State, decide, growth
+from palpate.simulation.verdict import State
 from palpate.simulation.windows import Window, windows
 
 PERIOD = 1e-3

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate.scenario import Scenario
+from palpate.simulation.decision import Evidence, ahead, chatters, decide, generates, growth, slips
 from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.evidence import evidence, interruption, lossy, resolution
 from palpate.simulation.friction_hold import friction_of
@@ -20,7 +21,7 @@ from palpate.simulation.outcome_rows import excursions, name_rows, outcome_of
 from palpate.simulation.statics import expected_deflection
 from palpate.simulation.step_response import step_response
 from palpate.simulation.trace import Trace
-from palpate.simulation.verdict import Evidence, State, ahead, chatters, decide, generates, growth, slips
+from palpate.simulation.verdict import State
 from palpate.simulation.windows import Window
 from stored import assert_same, plain
 

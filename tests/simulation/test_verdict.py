@@ -17,10 +17,11 @@ from hypothesis import strategies as st
 from palpate.devices.reach import beyond_reach
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
+from palpate.simulation.decision import Evidence, decide
 from palpate.simulation.evidence import lossy, resolution
 from palpate.simulation.judgment import _reach, judge
 from palpate.simulation.trace import Trace
-from palpate.simulation.verdict import Evidence, State, decide
+from palpate.simulation.verdict import State
 from palpate.simulation.windows import Window
 from palpate.sweeps import sweep
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from palpate import simulate
 from palpate.errors import PalpateError
+from palpate.simulation.decision import decide
 from palpate.simulation.evidence import evidence
 from palpate.simulation.recorded import external_forces, recorded_scenario
-from palpate.simulation.verdict import State, decide
+from palpate.simulation.verdict import State
 from palpate.simulation.windows import windows
 from palpate.stability import Certificate, certify
 

@@ -14,8 +14,9 @@ from palpate.arrays import Array, Flags
 from palpate.devices import Device
 from palpate.scenario import Scenario
 from palpate.simulation.controllers import build_controller
+from palpate.simulation.decision import BAND
 from palpate.simulation.linear_loop import scenario_loop
-from palpate.simulation.verdict import BAND, State
+from palpate.simulation.verdict import State
 from palpate.stability.maps.zwidth_map import loop_radii
 from scipy.optimize import root
 

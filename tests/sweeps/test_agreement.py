@@ -17,9 +17,9 @@ from palpate.arrays import Array
 from palpate.errors import ScenarioError
 from palpate.linear import LinearDevice
 from palpate.scenario import Scenario
+from palpate.simulation.decision import BAND
 from palpate.simulation.outcome_rows import Excursion
 from palpate.simulation.simulator import build_simulation
-from palpate.simulation.verdict import BAND
 from palpate.stability import critical_stiffness
 from palpate.sweeps import State, SweepError, sweep
 from palpate.sweeps.judged_rows import _beyond

@@ -17,6 +17,7 @@ from palpate.scenario import Scenario
 from palpate.scenario.signal import Signal
 from palpate.simulation.bodies import overlaps_fixed, tip_depths
 from palpate.simulation.continuation import moves_on
+from palpate.simulation.decision import BAND
 from palpate.simulation.drive_hold import drive_hold, motor_load
 from palpate.simulation.energy_balance import energy_balance
 from palpate.simulation.evidence import pushed_through
@@ -24,7 +25,7 @@ from palpate.simulation.recorded import external_forces, recorded_scenario
 from palpate.simulation.statics import expected_deflection
 from palpate.simulation.step_response import step_response
 from palpate.simulation.trace import Trace, complete
-from palpate.simulation.verdict import BAND, State
+from palpate.simulation.verdict import State
 from palpate.simulation.windows import windows
 
 __all__ = ["summarize"]

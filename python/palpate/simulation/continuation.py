@@ -9,12 +9,12 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.scenario import Scenario
 from palpate.scenario.body import LARGE
+from palpate.simulation.decision import band_of
 from palpate.simulation.energy_balance import own_motions
 from palpate.simulation.evidence import evidence
 from palpate.simulation.friction_hold import friction_of
 from palpate.simulation.recorded import Recorded, external_forces, held_tip, recorded_scenario
 from palpate.simulation.support_phase import last_change
-from palpate.simulation.verdict import band_of
 from palpate.simulation.windows import Window, windows
 
 LATER: Final = 12  # durations of the run for which it goes on

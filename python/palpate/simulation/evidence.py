@@ -14,12 +14,12 @@ from palpate.devices import Device
 from palpate.devices.reach import beyond_reach, unreachable
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import depth_without_contact
+from palpate.simulation.decision import BAND, FLOOR, GROWING, STILL, Evidence
 from palpate.simulation.energy_balance import energy_balance, own_motions
 from palpate.simulation.friction_hold import arm_spring, friction_hold, friction_of
 from palpate.simulation.linear_evidence import linear_sign
 from palpate.simulation.recorded import Recorded, held_tip, of_each_object, without_trend
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
-from palpate.simulation.verdict import BAND, FLOOR, GROWING, STILL, Evidence
 from palpate.simulation.windows import Window
 
 FASTEST: Final = 1e100  # growth in a fifth of the window above which it is all the same

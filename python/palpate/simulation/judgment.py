@@ -13,29 +13,26 @@ from palpate.devices.reach import beyond_reach
 from palpate.scenario import Scenario
 from palpate.simulation.bodies import depth_without_contact, tip_depths
 from palpate.simulation.continuation import moves_on
-from palpate.simulation.drive_hold import drive_hold
-from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
-from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
-from palpate.simulation.recorded import Recorded, external_forces, held_tip, of_each_object, recorded_scenario
-from palpate.simulation.support_phase import last_change
-from palpate.simulation.tool_motion import tool_poses
-from palpate.simulation.verdict import (
+from palpate.simulation.decision import (
     BAND,
     BEFORE,
-    FAILED,
     FLOOR,
     GROWING,
-    OSCILLATES,
     SHARE,
     Evidence,
-    State,
-    Verdict,
     ahead,
     chatters,
     decide,
     generates,
     slips,
 )
+from palpate.simulation.drive_hold import drive_hold
+from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
+from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
+from palpate.simulation.recorded import Recorded, external_forces, held_tip, of_each_object, recorded_scenario
+from palpate.simulation.support_phase import last_change
+from palpate.simulation.tool_motion import tool_poses
+from palpate.simulation.verdict import FAILED, OSCILLATES, State, Verdict
 from palpate.simulation.windows import Window, windows
 
 __all__ = ["judge", "judge_pushed"]

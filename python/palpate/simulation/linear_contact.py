@@ -15,11 +15,11 @@ from palpate.scenario import Scenario
 from palpate.simulation.body_response import HeldTip, body_response
 from palpate.simulation.contact_law import ContactLaw, closed_matrix
 from palpate.simulation.controllers import build_controller
+from palpate.simulation.decision import FLOOR, SWING
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.meshes import mesh_origin, touched_mesh
 from palpate.simulation.proxy_law import ProxyProbe
 from palpate.simulation.recorded import Recorded, without_trend
-from palpate.simulation.verdict import FLOOR, SWING
 
 __all__ = ["contact_radius", "swings_in_place"]
 

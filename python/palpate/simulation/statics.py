@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from palpate.arrays import Array, Flags
 from palpate.scenario import Scenario
-from palpate.simulation.verdict import BAND
+from palpate.simulation.decision import BAND
 
 __all__ = ["expected_deflection", "force_over_stiffness", "presses", "steady_error"]
 

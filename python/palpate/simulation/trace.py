@@ -171,7 +171,7 @@ class Trace(TraceContent):
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Verdict of the run, by the rule that every command uses (see `palpate.simulation.verdict`).
+        """Verdict of the run, by the rule that every command uses (see `palpate.simulation.decision`).
 
         A run that records fewer ticks than it judges has it in its metadata.
         """

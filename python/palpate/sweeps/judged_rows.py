@@ -10,13 +10,13 @@ from palpate.arrays import Array, Flags
 from palpate.control.controller import Controller
 from palpate.devices.reach import NEAR_SINGULAR, conditioning, excursion_beyond, unreachable
 from palpate.errors import PalpateError
+from palpate.simulation.decision import LASTING, Evidence, decide
 from palpate.simulation.evidence import lossy, resolution
 from palpate.simulation.linear_evidence import AT_LIMIT, linear_sign
 from palpate.simulation.linear_loop import scenario_loop
 from palpate.simulation.outcome_rows import Excursion, excursions, name_rows
 from palpate.simulation.simulator import Simulation
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
-from palpate.simulation.verdict import LASTING, Evidence, decide
 from palpate.stability.maps.zwidth_map import loop_radii
 
 __all__ = ["judge_rows", "linear_radii"]

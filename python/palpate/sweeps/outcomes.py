@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.arrays import Array
+from palpate.simulation.decision import growth
 from palpate.simulation.outcome_rows import QUANTITIES as ROWS
-from palpate.simulation.verdict import State, growth
+from palpate.simulation.verdict import State
 
 __all__ = ["QUANTITIES", "Outcomes"]
 
@@ -63,7 +64,7 @@ class Outcomes(Mapping[str, Array]):
 
     @property
     def growth(self) -> Array:
-        """Growth factor of the oscillation per fifth of the window; see `palpate.simulation.verdict.growth`."""
+        """Growth factor of the oscillation per fifth of the window; see `palpate.simulation.decision.growth`."""
         return growth(*(self[name] for name in ("unstable_from", "oscillation_2", "oscillation_4", "oscillation_5")))
 
     def where(self, *states: State) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from palpate.control import WorkspaceController
 from palpate.errors import OutputError
 from palpate.files import check_suffix, write_json, write_text
 from palpate.scenario import Scenario
-from palpate.simulation.verdict import BAND
+from palpate.simulation.decision import BAND
 from palpate.stability.workspace_certificate import WorkspaceCertificate
 from palpate.tuning.axis import AxisDesign
 from palpate.tuning.specification import Specification

@@ -12,9 +12,9 @@ from palpate.errors import StabilityError
 from palpate.scenario import Scenario
 from palpate.scenario.body import LARGE, BodyChoice
 from palpate.simulation.bodies import origin_of, scenario_body
+from palpate.simulation.decision import SHARE
 from palpate.simulation.support_phase import support_phase
 from palpate.simulation.tool_motion import last_motion, step_body
-from palpate.simulation.verdict import SHARE
 
 __all__ = ["HeldTip"]
 

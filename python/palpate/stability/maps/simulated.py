@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from palpate import _core
 from palpate.arrays import Array
 from palpate.scenario import Scenario
+from palpate.simulation.decision import growth
 from palpate.simulation.linear_loop import ScenarioLoop
 from palpate.simulation.outcome_rows import name_rows
 from palpate.simulation.simulator import Simulation, build_simulation
-from palpate.simulation.verdict import growth
 from palpate.stability.maps.boundary_curve import Boundary
 from palpate.stability.maps.refined import follow
 

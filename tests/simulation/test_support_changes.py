@@ -242,6 +242,8 @@ def test_a_program_is_told_why_it_cannot_change_supports(block: Path) -> None:
     loop.run(500)
     with pytest.raises(ScenarioError, match="no contact node lies in"):
         loop.change_supports(held="x < -1 mm")
+    with pytest.raises(ScenarioError, match="regions are text"):
+        loop.change_supports(held=5)  # type: ignore[arg-type]
     loop.change_supports(held=[])
     with pytest.raises(ScenarioError, match="comes before that at"):
         loop.change_supports(held=BESIDE)

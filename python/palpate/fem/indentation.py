@@ -387,7 +387,8 @@ class IndentableBody(CondensedBody):
         """Return the mean displacement of each node's patch (n, 3), m.
 
         A linear body gives the long-term displacement under the forces of the last tick. A mass-spring body at one rate
-        gives its current displacement, a hyperelastic body that of each node's vertex at the last model update.
+        and a body whose supports change give their current displacement, a hyperelastic body that of each node's vertex
+        at the last model update.
         """
         if isinstance(self.core, _core.HyperelasticBody):
             return np.asarray(self.core.displacement())[self.node_vertices]

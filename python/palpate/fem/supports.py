@@ -23,8 +23,9 @@ from palpate.fem.errors import BodyError
 from palpate.fem.selectors import Selector, parse_selectors
 from palpate.fem.storage import BodyData
 
-_YIELD: Final = 1e-5  # compliance of a support over that of its node, in the mean of all directions
-_NEGLIGIBLE: Final = 1e-7  # static response of a mode over the compliance of a node
+_YIELD: Final = 1e-6  # least compliance of the supports over that of a held node, of a body with modes
+_MOST_YIELD: Final = 1e-3  # the same, largest
+_NEGLIGIBLE: Final = 3e-6  # static response of a mode over the compliance of a node
 
 
 def hold(contents: BodyData, regions: str | Selector | Sequence[str | Selector], vertices: Indices) -> BodyData:
@@ -36,7 +37,8 @@ def hold(contents: BodyData, regions: str | Selector | Sequence[str | Selector],
         vertices: mesh vertex of each contact node (n,); empty for a body without a volume mesh.
 
     Raises:
-        BodyError: no contact node or all of them are held, or the compliance of the held nodes is singular.
+        BodyError: no contact node or all of them are held, or the compliance of the held nodes is singular. Or the body
+            has modes, and so many nodes were held one after the other that rounding has added up.
     """
     try:
         where = parse_selectors(regions)
@@ -59,55 +61,66 @@ def hold(contents: BodyData, regions: str | Selector | Sequence[str | Selector],
     fixed = contents.dirichlet.copy()
     if len(vertices):
         fixed[vertices[held]] = True
+    modes, yielding = _held_modes(contents, held)
     return replace(
         contents,
         nodes=contents.nodes[keep],
         normals=contents.normals[keep],
         areas=contents.areas[keep],
-        compliance=_updated(contents.compliance, held),
-        **_held_modes(contents, held),
+        compliance=_updated(contents.compliance, held, yielding),
+        **modes,
         dirichlet=fixed,
         record={**contents.record, "held": [*contents.record.get("held", []), *map(str, where)]},
     )
 
 
-def _held_modes(contents: BodyData, held: Flags) -> dict[str, Any]:
-    """Return frequencies and shapes of a body's modes and residual vectors with nodes held (n,); as many modes.
+def _held_modes(contents: BodyData, held: Flags) -> tuple[dict[str, Any], float]:
+    """Return frequencies and shapes of a body's modes and residual vectors with nodes held (n,), and their supports.
 
-    Residual vectors may represent the whole compliance of a node, which leaves R_ss singular. So the supports have a
-    compliance of 1e-5 of the node's own. Residual vectors that only move them are left out.
+    Residual vectors may represent the whole compliance of a node. R_ss is rounding then, so the supports have a
+    compliance, m/N: twice its largest negative part, and 1e-6 of a held node's compliance or more. Without modes they
+    have none. Residual vectors that only move the supports are left out.
     """
     count = len(contents.frequencies)
     if count == 0:
-        return {"shapes": np.empty((3 * np.count_nonzero(~held), 0), dtype=np.float32)}
+        return {"shapes": np.empty((3 * np.count_nonzero(~held), 0), dtype=np.float32)}, 0.0
     residual = contents.residual_shapes.reshape(len(contents.shapes), -1)
     shapes = np.hstack([contents.shapes, residual]).astype(float)
     squares = np.concatenate([contents.frequencies, contents.residual_frequencies]) ** 2
     rows = np.repeat(held, 3)
     inside, outside = shapes[rows], shapes[~rows]
-    own = np.diag(contents.compliance)[rows].reshape(-1, 3).mean(axis=1)
+    own = float(np.diag(contents.compliance)[rows].max())
     at_held = contents.compliance[np.ix_(rows, rows)] - inside / squares @ inside.T
-    at_held[np.diag_indices_from(at_held)] += np.repeat(_YIELD * own, 3)
+    yielding = max(_YIELD * own, -2.0 * float(np.linalg.eigvalsh(at_held)[0]))
+    if yielding > _MOST_YIELD * own:
+        raise BodyError(
+            "held: rounding hides what the vibration modes leave of the compliance of these nodes; hold all regions in "
+            "one call, held([...]), or build the body with this support"
+        )
+    at_held[np.diag_indices_from(at_held)] += yielding
     pulled = np.linalg.solve(at_held, inside)
     found, vectors = np.linalg.eigh(np.diag(squares) + inside.T @ pulled)
     across = contents.compliance[np.ix_(~rows, rows)] - outside / squares @ inside.T
     moved = (outside - across @ pulled) @ vectors
-    kept = (moved**2).max(axis=0, initial=0.0) / found > _NEGLIGIBLE * own.max(initial=0.0)
+    kept = (moved**2).max(axis=0, initial=0.0) / found > _NEGLIGIBLE * own
     kept[:count] = True
     frequencies, shapes = np.sqrt(found[kept]), moved[:, kept].astype(np.float32)
-    return {
+    modes = {
         "frequencies": frequencies[:count],
         "shapes": np.ascontiguousarray(shapes[:, :count]),
         "residual_frequencies": frequencies[count:],
         "residual_shapes": np.ascontiguousarray(shapes[:, count:]),
     }
+    return modes, yielding
 
 
-def _updated(compliance: Single, held: Flags) -> Single:
-    """Return the compliance of the nodes that are not held (n,), by a symmetric rank-k update."""
+def _updated(compliance: Single, held: Flags, yielding: float) -> Single:
+    """Return the compliance of the nodes that are not held (n,), by a symmetric rank-k update; `yielding` in m/N."""
     rows = np.repeat(held, 3)
+    capacitance = compliance[np.ix_(rows, rows)].astype(float)
+    capacitance[np.diag_indices_from(capacitance)] += yielding
     try:
-        factor = cholesky(compliance[np.ix_(rows, rows)].astype(float), lower=True)
+        factor = cholesky(capacitance, lower=True)
     except LinAlgError:
         raise BodyError("held: the compliance of the held nodes is singular to rounding; hold fewer nodes") from None
     update = solve_triangular(factor, compliance[np.ix_(rows, ~rows)], lower=True).astype(np.float32)

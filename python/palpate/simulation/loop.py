@@ -251,9 +251,9 @@ class Loop:
             when = "before the first sample" if self.count == 0 else f"before that at {later[0]:g} s"
             raise scenario.mistake("object.body.supports", f"a change at {at:g} s comes {when}")
         regions = {key: value for key, value in (("held", held), ("touchable", touchable)) if value is not None}
-        change = SupportChange.of({"at": at, **regions})
         body = scenario_body(scenario)
         try:
+            change = SupportChange.of({"at": at, **regions})
             plan = SupportPlan((*support_changes(choice), change), self.period)
             self._core.change_supports(plan.roles(body.nodes)[-1])
         except (BodyError, ValueError) as problem:

@@ -69,21 +69,17 @@ class SupportedBody final : public BodyWithSupports {
   /// The changes are in ascending order of their steps; the first one is at step 0.
   SupportedBody(std::shared_ptr<const deformable::CondensedSurface> surface, const std::vector<Change>& changes, Maker make)
       : plan_(std::make_shared<Plan>(std::move(surface), std::move(make))) {
-    for (const Change& change : changes) {
-      plan_->steps.push_back(change.step);
-      const auto same = std::find_if(changes.begin(), changes.end(), [&](const Change& c) { return c.nodes == change.nodes; });
-      if (const auto known = static_cast<std::size_t>(same - changes.begin()); known < plan_->phases.size()) {
-        plan_->phases.push_back(plan_->phases[known]);
-        continue;
-      }
-      auto phase = std::make_shared<const deformable::SupportPhase>(plan_->surface, change.nodes);
-      if (!phase->definite()) {
-        usable_ = false;
-        return;
-      }
-      plan_->phases.push_back(plan_->make(std::move(phase)));
+    std::vector<std::shared_ptr<const deformable::SupportPhase>> phases;
+    for (double least = -1.0; usable_ && least < plan_->yielding;) {  // again with the largest compliance of supports in all phases
+      least = plan_->yielding;
+      phases = phases_of(changes);
     }
-    start();
+    for (std::size_t k = 0; usable_ && k < phases.size(); ++k) {
+      plan_->steps.push_back(changes[k].step);
+      const auto known = static_cast<std::size_t>(std::find(phases.begin(), phases.end(), phases[k]) - phases.begin());
+      plan_->phases.push_back(known < k ? plan_->phases[known] : plan_->make(phases[k]));
+    }
+    if (usable_) start();
   }
 
   /// Whether the nodes of every phase can be held together; otherwise the body has no phases and must not be stepped.
@@ -125,7 +121,7 @@ class SupportedBody final : public BodyWithSupports {
   }
 
   bool change_supports(deformable::SupportNodes nodes) override {
-    auto phase = std::make_shared<const deformable::SupportPhase>(plan_->surface, std::move(nodes));
+    auto phase = std::make_shared<const deformable::SupportPhase>(plan_->surface, std::move(nodes), plan_->yielding);
     if (!phase->definite()) return false;
     requested_.write_slot() = std::make_unique<Phase>(plan_->make(std::move(phase)));
     requested_.publish();
@@ -149,11 +145,27 @@ class SupportedBody final : public BodyWithSupports {
     Plan(std::shared_ptr<const deformable::CondensedSurface> of, Maker maker) : surface(std::move(of)), make(std::move(maker)) {}
     std::shared_ptr<const deformable::CondensedSurface> surface;
     Maker make;
+    double yielding = 0.0;  // compliance of the supports, m/N
     std::vector<std::int64_t> steps;
     std::vector<std::shared_ptr<const Data>> phases;
   };
 
   explicit SupportedBody(std::shared_ptr<Plan> plan) : plan_(std::move(plan)) { start(); }
+
+  /// Return the phase of each change; equal ones are one. Raise the compliance of the supports to what the phases need.
+  [[nodiscard]] std::vector<std::shared_ptr<const deformable::SupportPhase>> phases_of(const std::vector<Change>& changes) {
+    std::vector<std::shared_ptr<const deformable::SupportPhase>> phases;
+    for (const Change& change : changes) {
+      const auto same = std::find_if(changes.begin(), changes.end(), [&](const Change& c) { return c.nodes == change.nodes; });
+      const auto known = static_cast<std::size_t>(same - changes.begin());
+      phases.push_back(known < phases.size()
+                           ? phases[known]
+                           : std::make_shared<const deformable::SupportPhase>(plan_->surface, change.nodes, plan_->yielding));
+      usable_ = usable_ && phases.back()->definite();
+    }
+    for (const auto& phase : phases) plan_->yielding = std::max(plan_->yielding, phase->yielding());
+    return phases;
+  }
 
   void start() {
     for (const auto& data : plan_->phases) scheduled_.push_back(std::make_unique<Phase>(data));

@@ -43,11 +43,8 @@ class DenseSwing {
     rows_.clear();
     for (const std::int32_t node : nodes)
       for (Eigen::Index a = 0; a < 3; ++a) rows_.push_back(3 * node + a);
-    yields_ = Vector::Zero(static_cast<Eigen::Index>(rows_.size()));
-    for (std::size_t r = 0; r < rows_.size(); ++r) {
-      const Eigen::Index first = rows_[r] / 3 * 3;
-      yields_[static_cast<Eigen::Index>(r)] = yield / 3.0 * c_.diagonal().segment<3>(first).sum();
-    }
+    const Vector own = c_.diagonal()(rows_);
+    yields_ = Vector::Constant(own.size(), own.size() > 0 ? yield * own.maxCoeff() : 0.0);
     factor_.compute(Matrix(rest_(rows_, rows_)) + Matrix(yields_.asDiagonal()));
   }
 
@@ -75,7 +72,7 @@ class DenseSwing {
   }
 
  private:
-  static constexpr double yield = 1e-5;
+  static constexpr double yield = 1e-6;
 
   [[nodiscard]] Vector reaction(const Vector& pressed, const Vector& q) const {
     return factor_.solve(Vector(anchor_(rows_)) - shapes_(rows_, Eigen::all) * q - pressed);

@@ -221,7 +221,7 @@ class SupportField {
     const std::vector<std::int32_t>& held = phase_->held();
     Vector3<> u = Vector3<>::Zero();
     for (std::size_t h = 0; h < held.size(); ++h) u += block(node, held[h]) * forces[h];
-    if (const std::int32_t h = phase_->held_index(node); h >= 0) u += phase_->yielding(h) * forces[at(h)];
+    if (const std::int32_t h = phase_->held_index(node); h >= 0) u += phase_->yielding() * forces[at(h)];
     return u;
   }
 

@@ -22,24 +22,22 @@ namespace palpate::deformable {
 /// are in a fixed order, so the bits do not depend on the registers.
 class SupportPhase {
  public:
-  SupportPhase(std::shared_ptr<const CondensedSurface> surface, SupportNodes nodes)
+  /// `yielding` is the least compliance of the supports of a body with inertia, see yielding().
+  SupportPhase(std::shared_ptr<const CondensedSurface> surface, SupportNodes nodes, double yielding = 0.0)
       : surface_(std::move(surface)), nodes_(std::move(nodes)), local_(surface_->size(), -1), held_(surface_->size(), -1) {
     for (std::size_t k = 0; k < nodes_.touched.size(); ++k) local_[at(nodes_.touched[k])] = static_cast<std::int32_t>(k);
     for (std::size_t k = 0; k < nodes_.held.size(); ++k) held_[at(nodes_.held[k])] = static_cast<std::int32_t>(k);
-    for (std::size_t k = 0; surface_->modes() > 0 && k < nodes_.held.size(); ++k) {
-      const std::size_t row = 3 * at(nodes_.held[k]);
-      yielding_.push_back(yield_ratio / 3.0 * (entry(row, row) + entry(row + 1, row + 1) + entry(row + 2, row + 2)));
-    }
+    CholeskyFactor remainder;
+    if (surface_->modes() > 0 && !nodes_.held.empty()) remainder = yield(yielding);
+    if (!remainder.definite()) return;
     const CholeskyFactor capacitance(
         3 * nodes_.held.size(),
-        [&](std::size_t r, std::size_t c) {
-          return entry(row_of(nodes_.held, r), row_of(nodes_.held, c)) + (r == c ? yielding(static_cast<std::int32_t>(r / 3)) : 0.0);
-        },
+        [&](std::size_t r, std::size_t c) { return entry(row_of(nodes_.held, r), row_of(nodes_.held, c)) + (r == c ? yielding_ : 0.0); },
         [&](std::size_t r) { return min_pivot * entry(row_of(nodes_.held, r), row_of(nodes_.held, r)); });
-    if (!capacitance.definite()) return;
-    if (surface_->modes() > 0) modes_ = SupportedModes(*surface_, nodes_, capacitance, yielding_, min_pivot);
-    definite_ = modes_.definite();
-    if (definite_) update(capacitance);
+    definite_ = capacitance.definite();
+    if (!definite_) return;
+    if (surface_->modes() > 0) modes_ = SupportedModes(*surface_, nodes_, capacitance, remainder);
+    update(capacitance);
   }
 
   /// Whether the compliance of the held nodes is positive definite to rounding; otherwise the phase cannot be used.
@@ -54,9 +52,9 @@ class SupportPhase {
   /// Of a body with inertia; size 0: none.
   [[nodiscard]] const SupportedModes& modes() const noexcept { return modes_; }
 
-  /// Compliance of the support of a held node, by its index among them, m/N: of a body with inertia `yield_ratio` of the node's own in the
-  /// mean of all directions, otherwise none. Mass at a node that nothing yields to would stop in no time.
-  [[nodiscard]] double yielding(std::int32_t held) const noexcept { return yielding_.empty() ? 0.0 : yielding_[at(held)]; }
+  /// Compliance of the support of a held node, m/N: of a body with inertia as little as the rounding of its compliance permits, otherwise
+  /// none. Mass at a node that does not yield would stop in no time. If it differed between phases, a change could supply energy.
+  [[nodiscard]] double yielding() const noexcept { return yielding_; }
 
   /// C' (3m)^2, m/N.
   [[nodiscard]] const std::vector<float>& compliance() const noexcept { return compliance_; }
@@ -86,6 +84,21 @@ class SupportPhase {
   }
   [[nodiscard]] double entry(std::size_t row, std::size_t column) const noexcept {
     return static_cast<double>(surface_->compliance[row * 3 * surface_->size() + column]);
+  }
+
+  /// Find the least compliance of the supports with which what the modes leave of the held nodes' compliance is definite. Return its
+  /// factor.
+  [[nodiscard]] CholeskyFactor yield(double least) {
+    double largest = 0.0;
+    for (std::size_t r = 0; r < 3 * nodes_.held.size(); ++r)
+      largest = std::max(largest, entry(row_of(nodes_.held, r), row_of(nodes_.held, r)));
+    CholeskyFactor factor;
+    for (double ratio = least_yield; ratio <= most_yield; ratio *= 4.0) {
+      yielding_ = std::max(least, ratio * largest);
+      factor = SupportedModes::remainder(*surface_, nodes_.held, yielding_);
+      if (factor.definite()) break;
+    }
+    return factor;
   }
 
   /// Compute C' = C - U^T U with U = L^-1 C_s, and the shares L^-T U.
@@ -126,15 +139,15 @@ class SupportPhase {
       }
   }
 
-  static constexpr double yield_ratio = 1e-5;
-  static constexpr double min_pivot = 1e-6;  // of the diagonal: the rounding of a compliance in single precision
+  static constexpr double least_yield = 1e-6, most_yield = 1e-3;  // of the largest compliance of a held node
+  static constexpr double min_pivot = 1e-6;                       // of the diagonal: the rounding of a compliance in single precision
 
   std::shared_ptr<const CondensedSurface> surface_;
   SupportNodes nodes_;
   std::vector<std::int32_t> local_, held_;  // by node of the body
   bool definite_ = false;
   SupportedModes modes_;
-  std::vector<double> yielding_;  // by held node, m/N; or none
+  double yielding_ = 0.0;  // m/N
   std::vector<float> compliance_, shares_;
 };
 

@@ -23,38 +23,36 @@ namespace palpate::deformable {
 ///   q'' + damping + K q = Psi_t^T f_t + ...,   K = W^2 + Phi_s^T R_ss^-1 Phi_s,   Psi_t = Phi_t - R_ts R_ss^-1 Phi_s.
 /// The eigenvectors V of K are orthonormal, so p = V^T (q - q_0) are the coordinates of mass-normalized modes with the shapes Psi V about
 /// the rest q_0 = W^-2 Phi_s^T w, where the forces w alone hold the nodes. Together with the static compliance
-/// C' = C_tt - C_ts C_ss^-1 C_st they are a body of modes again: R is eliminated exactly. With many modes R_ss is nearly singular, so the
-/// supports yield a little.
+/// C' = C_tt - C_ts C_ss^-1 C_st they are a body of modes again: R is eliminated exactly. With many modes R_ss is rounding, so the supports
+/// yield a little.
 class SupportedModes {
  public:
   SupportedModes() = default;
 
-  /// `capacitance` is the factor of C_ss, and `yielding` the compliance of each support, which C_ss and R_ss include [m/N]. Not definite()
-  /// if R_ss is not positive definite to rounding: pivots at most `min_pivot` of the diagonal of C_ss.
+  /// Factor R_ss plus the compliance of the supports, `yielding` [m/N]. It counts as definite if rounding changes its pivots by less than
+  /// half of that.
+  [[nodiscard]] static CholeskyFactor remainder(const CondensedSurface& surface, const std::vector<std::int32_t>& held, double yielding) {
+    const std::size_t m = surface.modes(), width = 3 * surface.size();
+    const auto entry = [&](std::size_t r, std::size_t c) {
+      const std::size_t row = row_of(held, r), column = row_of(held, c);
+      double sum = static_cast<double>(surface.compliance[row * width + column]) + (r == c ? yielding : 0.0);
+      const float *one = surface.shape(row), *other = surface.shape(column);
+      for (std::size_t k = 0; k < m; ++k)
+        sum -= static_cast<double>(one[k]) * static_cast<double>(other[k]) / (surface.frequencies[k] * surface.frequencies[k]);
+      return sum;
+    };
+    return {3 * held.size(), entry, [yielding](std::size_t /*row*/) { return 0.5 * yielding; }};
+  }
+
+  /// `capacitance` is the factor of C_ss, which like `remainder` includes the compliance of the supports.
   SupportedModes(const CondensedSurface& surface, const SupportNodes& nodes, const CholeskyFactor& capacitance,
-                 const std::vector<double>& yielding, double min_pivot)
+                 const CholeskyFactor& remainder)
       : surface_(&surface), count_(surface.modes()), frequencies_(surface.frequencies) {
-    for (const std::int32_t node : nodes.held)
-      for (std::size_t a = 0; a < 3; ++a) held_.push_back(3 * static_cast<std::size_t>(node) + a);
+    for (std::size_t r = 0; r < 3 * nodes.held.size(); ++r) held_.push_back(row_of(nodes.held, r));
     const std::size_t n = held_.size(), m = count_;
     std::vector<double> soft(m);  // W^-2, s^2
     for (std::size_t k = 0; k < m; ++k) soft[k] = 1.0 / (frequencies_[k] * frequencies_[k]);
     if (n > 0) {
-      // R of a row of the body and a held row
-      const auto rest = [&](std::size_t row, std::size_t column) {
-        double sum = static_cast<double>(surface.compliance[row * 3 * surface.size() + column]);
-        const float *one = surface.shape(row), *other = surface.shape(column);
-        for (std::size_t k = 0; k < m; ++k) sum -= static_cast<double>(one[k]) * soft[k] * static_cast<double>(other[k]);
-        return sum;
-      };
-      const auto diagonal = [&](std::size_t r) {
-        return static_cast<double>(surface.compliance[held_[r] * 3 * surface.size() + held_[r]]);
-      };
-      const CholeskyFactor remainder(
-          n, [&](std::size_t r, std::size_t c) { return rest(held_[r], held_[c]) + (r == c ? yielding[r / 3] : 0.0); },
-          [&](std::size_t r) { return min_pivot * diagonal(r); });
-      definite_ = remainder.definite();
-      if (!definite_) return;
       std::vector<double> solved = shapes_of_held();
       remainder.solve_lower(solved.data(), m);
       find_modes(solved);
@@ -74,7 +72,6 @@ class SupportedModes {
     }
   }
 
-  [[nodiscard]] bool definite() const noexcept { return definite_; }
   [[nodiscard]] std::size_t size() const noexcept { return count_; }
   /// Of the supported body, rad/s, in ascending order if nodes are held.
   [[nodiscard]] const std::vector<double>& frequencies() const noexcept { return frequencies_; }
@@ -121,6 +118,11 @@ class SupportedModes {
   }
 
  private:
+  /// Row 3 x node + axis of row `r` of a list of nodes.
+  [[nodiscard]] static std::size_t row_of(const std::vector<std::int32_t>& nodes, std::size_t r) noexcept {
+    return 3 * static_cast<std::size_t>(nodes[r / 3]) + r % 3;
+  }
+
   [[nodiscard]] std::vector<double> shapes_of_held() const {
     std::vector<double> rows;
     rows.reserve(held_.size() * count_);
@@ -210,7 +212,6 @@ class SupportedModes {
 
   const CondensedSurface* surface_ = nullptr;
   std::size_t count_ = 0;
-  bool definite_ = true;
   std::vector<std::size_t> held_;  // rows
   std::vector<double> frequencies_;
   std::vector<float> shapes_;

@@ -313,7 +313,7 @@ void bind_loop(nb::module_& m, const char* name) {
             palpate::object::BodyWithSupports* const body = instance == nullptr ? nullptr : instance->body().with_supports();
             if (body == nullptr || roles.shape(0) != body->size()) throw nb::value_error("the supports of the object do not change");
             if (!body->change_supports(support_nodes(roles.data(), roles.shape(0))))
-              throw nb::value_error("the compliance of the held nodes is singular to rounding");
+              throw nb::value_error("the compliance of the held nodes is singular to rounding; hold fewer nodes");
           },
           "roles"_a, "Change the supports of the body at the next tick; roles of its nodes as in SupportedBody.")
       .def(

@@ -58,7 +58,7 @@ std::vector<BodyWithSupports::Change> changes_of(const std::vector<std::int64_t>
 }
 
 void require(bool possible) {
-  if (!possible) throw nb::value_error("the compliance of the held nodes is singular to rounding");
+  if (!possible) throw nb::value_error("the compliance of the held nodes is singular to rounding; hold fewer nodes");
 }
 
 }  // namespace

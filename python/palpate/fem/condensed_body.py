@@ -301,7 +301,7 @@ class CondensedBody:
         try:
             return _core.SupportedBody(*self._arrays(), steps=plan.steps, roles=roles, **arguments)
         except ValueError as problem:
-            raise BodyError(f"supports: {problem}; hold fewer nodes") from None
+            raise BodyError(f"supports: {problem}") from None
 
     def _signed_distance_arguments(self) -> dict[str, Any]:
         """Return the arguments of a core with contact by signed distance by name, without arrays and friction."""

@@ -69,11 +69,9 @@ class SupportedBody final : public BodyWithSupports {
   /// The changes are in ascending order of their steps; the first one is at step 0.
   SupportedBody(std::shared_ptr<const deformable::CondensedSurface> surface, const std::vector<Change>& changes, Maker make)
       : plan_(std::make_shared<Plan>(std::move(surface), std::move(make))) {
-    std::vector<std::shared_ptr<const deformable::SupportPhase>> phases;
-    for (double least = -1.0; usable_ && least < plan_->yielding;) {  // again with the largest compliance of supports in all phases
-      least = plan_->yielding;
-      phases = phases_of(changes);
-    }
+    auto phases = phases_of(changes);
+    const auto yields_less = [this](const auto& phase) { return !phase->held().empty() && phase->yielding() < plan_->yielding; };
+    if (usable_ && std::any_of(phases.begin(), phases.end(), yields_less)) phases = phases_of(changes);
     for (std::size_t k = 0; usable_ && k < phases.size(); ++k) {
       plan_->steps.push_back(changes[k].step);
       const auto known = static_cast<std::size_t>(std::find(phases.begin(), phases.end(), phases[k]) - phases.begin());
@@ -152,7 +150,7 @@ class SupportedBody final : public BodyWithSupports {
 
   explicit SupportedBody(std::shared_ptr<Plan> plan) : plan_(std::move(plan)) { start(); }
 
-  /// Return the phase of each change; equal ones are one. Raise the compliance of the supports to what the phases need.
+  /// Return the phase of each change; equal ones are one. Their supports yield as those before, and later ones as the phases need.
   [[nodiscard]] std::vector<std::shared_ptr<const deformable::SupportPhase>> phases_of(const std::vector<Change>& changes) {
     std::vector<std::shared_ptr<const deformable::SupportPhase>> phases;
     for (const Change& change : changes) {

@@ -92,11 +92,11 @@ class SupportPhase {
     double largest = 0.0;
     for (std::size_t r = 0; r < 3 * nodes_.held.size(); ++r)
       largest = std::max(largest, entry(row_of(nodes_.held, r), row_of(nodes_.held, r)));
-    CholeskyFactor factor;
-    for (double ratio = least_yield; ratio <= most_yield; ratio *= 4.0) {
-      yielding_ = std::max(least, ratio * largest);
+    yielding_ = std::max(least, least_yield * largest);
+    CholeskyFactor factor = SupportedModes::remainder(*surface_, nodes_.held, yielding_);
+    while (!factor.definite() && yielding_ < most_yield * largest) {
+      yielding_ *= 4.0;
       factor = SupportedModes::remainder(*surface_, nodes_.held, yielding_);
-      if (factor.definite()) break;
     }
     return factor;
   }

@@ -150,6 +150,12 @@ def test_a_tip_that_is_pushed_through_loses_contact_and_gains_no_energy(body: Bo
         body.indent(AT, 4e-3, 9e-3)
 
 
+def test_a_tool_that_reaches_into_the_body_before_the_press_is_told_from_one_pushed_through(body: Body) -> None:
+    tool = body.with_contact_points([[0.0, 0.0, 0.0], [5e-3, 0.0, -10e-3]])
+    with pytest.raises(BodyError, match=r"contact_points: before the press a tip of the tool is already inside"):
+        tool.indent(AT, 5e-3, 1e-3)
+
+
 def test_a_press_whose_force_falls_with_the_depth_is_warned_of(body: Body) -> None:
     forces: list[float] = []
     falls: list[bool] = []

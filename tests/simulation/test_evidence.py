@@ -499,9 +499,7 @@ def test_a_reason_says_what_the_tip_does_and_what_the_linear_loop_does() -> None
     )
     hidden = judge(swinging(1.0), 1.1)
     assert hidden.state is State.UNSTABLE
-    assert hidden.reason.startswith(
-        "the run alone is judged: bounded oscillation; it ends with an oscillation by 0.1 mm"
-    )
+    assert hidden.reason.startswith("bounded oscillation at the end of the run, with an oscillation by 0.1 mm")
     assert hidden.since is None
     still = judge(swinging(0.1, offset=0.1), 1.1)
     assert still.reason.startswith("the run of 1 s does not show the growth; it ends with an oscillation by")

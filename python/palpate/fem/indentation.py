@@ -247,6 +247,11 @@ class IndentableBody(CondensedBody):
                     stacklevel=4,
                 )
             return self._move(center[None], size, outward=normal, tip=tip)
+        if history.lost[0]:
+            raise BodyError(
+                "contact_points: before the press a tip of the tool is already inside the body, without contact: give "
+                "the points less the position of the lowest tip"
+            )
         until = 1e3 * (deep - left[np.argmax(history.lost)])
         raise BodyError(
             f"depth: the tip is pushed through the body at {until:.3g} mm: use a smaller depth or a larger tip, or "

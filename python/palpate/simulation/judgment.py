@@ -280,7 +280,7 @@ def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None
         return f"the run leaves the unstable equilibrium at its start and comes to rest {1e3 * away:.3g} mm away"
     alone = State(int(decide(replace(e, linear=np.zeros(1, dtype=int)))[0]))
     if alone in FAILED:
-        return f"the run alone is judged: {alone.label}; it ends with an oscillation by {swing}"
+        return f"{alone.label} at the end of the run, with an oscillation by {swing}"
     if bool(generates(e)[0]):
         share = f"{100 * float(e.generated[0]):.3g} % of the energy that the operator supplied"
         return f"it moves by {swing}, and its motors keep generating energy: {share} in the last fifth"

@@ -204,7 +204,8 @@ def test_an_unstable_equilibrium_is_judged_by_the_growth_about_it(tables: dict[s
     """Both are unstable, though no run of 4 s shows growth; the certificate names the run beside the equilibrium."""
     certificate = certify(tables)
     assert certificate.verdict.state is State.UNSTABLE
-    assert "The verdict of the run is unstable: the run" in certificate.claim
+    end = "the run" if alone is State.SETTLED else f"{alone.label} at the end of the run"
+    assert f"The verdict of the run is unstable: {end}" in certificate.claim
     radius, period = certificate.margin["spectral_radius"], period_of(tables)
     angle = 2.0 * np.pi * certificate.margin["frequency_Hz"] * period
     assert run_alone(tables, 1.0 - 1e-3)[0] is alone

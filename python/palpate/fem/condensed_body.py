@@ -323,10 +323,7 @@ class CondensedBody:
             "sideways": numbers.get("sideways_fraction", 1.0),
         }
         if self.kind.name == "modal":
-            data = self.contents
-            residual = data.residual_shapes.reshape(len(data.shapes), -1)
-            arguments["shapes"] = np.hstack([data.shapes, residual])
-            arguments["frequencies"] = np.concatenate([data.frequencies, data.residual_frequencies])
+            arguments["frequencies"], arguments["shapes"] = self.contents.modes_and_residuals()
         if self.kind.contact_points:
             arguments["contact_points"] = np.array(self.kind.contact_points)
         return arguments

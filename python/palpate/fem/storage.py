@@ -115,6 +115,11 @@ class BodyData:
     rest_lengths: Array = field(default_factory=lambda: np.empty(0))  # (k,), m
     spring_damping: Array = field(default_factory=lambda: np.empty(0))  # (k,), N s/m
 
+    def modes_and_residuals(self) -> tuple[Array, Single]:
+        """Return the frequencies (m + r,), rad/s, and shapes (3n, m + r) of the modes, then of the residual vectors."""
+        residual = self.residual_shapes.reshape(len(self.shapes), -1)
+        return np.concatenate([self.frequencies, self.residual_frequencies]), np.hstack([self.shapes, residual])
+
 
 def check_target(path: str | Path) -> None:
     """Check, before a build, that a body can be written to `path`.

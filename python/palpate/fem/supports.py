@@ -84,11 +84,9 @@ def _held_modes(contents: BodyData, held: Flags) -> tuple[dict[str, Any], float]
     count = len(contents.frequencies)
     if count == 0:
         return {"shapes": np.empty((3 * np.count_nonzero(~held), 0), dtype=np.float32)}, 0.0
-    residual = contents.residual_shapes.reshape(len(contents.shapes), -1)
-    shapes = np.hstack([contents.shapes, residual]).astype(float)
-    squares = np.concatenate([contents.frequencies, contents.residual_frequencies]) ** 2
-    rows = np.repeat(held, 3)
-    inside, outside = shapes[rows], shapes[~rows]
+    frequencies, single = contents.modes_and_residuals()
+    squares, rows = frequencies**2, np.repeat(held, 3)
+    inside, outside = single[rows].astype(float), single[~rows].astype(float)
     own = float(np.diag(contents.compliance)[rows].max())
     at_held = contents.compliance[np.ix_(rows, rows)] - inside / squares @ inside.T
     yielding = max(_YIELD * own, -2.0 * float(np.linalg.eigvalsh(at_held)[0]))

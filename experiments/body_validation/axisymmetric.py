@@ -15,10 +15,10 @@ from palpate.arrays import Array
 from scipy.sparse.linalg import splu
 from skfem.helpers import ddot, sym_grad
 
-__all__ = ["LayeredCylinder"]
+__all__ = ["PENALTY", "LayeredCylinder", "SphereContact", "axial"]
 
 _GROWTH: Final = 1.12  # ratio of the sizes of adjacent cells away from the contact
-_PENALTY: Final = 3e5  # pressure of the contact over modulus and depth, 1/m
+PENALTY: Final = 3e5  # pressure of the contact over modulus and depth, 1/m
 _TOLERANCE: Final = 1e-8  # of the imbalance of forces
 _STEPS: Final = (1.0, 0.7, 0.5, 0.3, 0.1)  # parts of a Newton step, of which the one of least energy is made
 
@@ -38,7 +38,7 @@ class LayeredCylinder:
         """Return force over depth, N/m, of a flat end of `radius`, m, with cells of `cell`, m, at its edge."""
         basis, stiffness, fixed = self._elements(radius, cell)
         r, z = basis.doflocs
-        under = np.intersect1d(np.flatnonzero((z > -1e-9) & (r < radius + 1e-9)), _axial(basis))
+        under = np.intersect1d(np.flatnonzero((z > -1e-9) & (r < radius + 1e-9)), axial(basis))
         displacement = np.zeros(basis.N)
         displacement[under] = -1.0
         free = np.setdiff1d(np.arange(basis.N), np.concatenate([fixed, under]))
@@ -52,13 +52,13 @@ class LayeredCylinder:
         near = mesh.facets_satisfying(lambda x: (x[1] > -1e-9) & (x[0] < 1.5 * radius))
         surface = skfem.FacetBasis(mesh, basis.elem, facets=near, intorder=6)
         free = np.setdiff1d(np.arange(basis.N), fixed)
-        contact = _Contact(radius, depth, _PENALTY * max(self.young, self.skin_young), surface)
+        contact = SphereContact(radius, depth, PENALTY * max(self.young, self.skin_young), surface)
         displacement = np.zeros(basis.N)
         for _ in range(100):
             load = contact.load(displacement)
             imbalance = (load - stiffness @ displacement)[free]
             if np.linalg.norm(imbalance) < _TOLERANCE * np.linalg.norm(load):
-                return -float(load[_axial(basis)].sum())
+                return -float(load[axial(basis)].sum())
             tangent = (stiffness + contact.stiffness(displacement))[free][:, free]
             step = np.zeros(basis.N)
             step[free] = splu(tangent.tocsc()).solve(imbalance)
@@ -68,6 +68,10 @@ class LayeredCylinder:
                 energies.append(0.5 * float(tried @ (stiffness @ tried)) + contact.energy(tried))
             displacement += _STEPS[int(np.argmin(energies))] * step
         raise ArithmeticError("the contact of the sphere did not converge")
+
+    def modulus(self, z: Array) -> Array:
+        """Return Young's modulus, Pa, at the height `z` over the top, m."""
+        return np.where(-z < self.skin, self.skin_young, self.young)
 
     def _elements(self, contact: float, cell: float) -> tuple[Any, Any, Array]:
         """Return the basis, the stiffness matrix, N/m, and the fixed unknowns; `cell` up to the radius `contact`, m."""
@@ -80,7 +84,7 @@ class LayeredCylinder:
 
         def energy(u: Any, v: Any, w: Any) -> Any:
             radius, z = w.x
-            modulus = np.where(-z < self.skin, self.skin_young, self.young)
+            modulus = self.modulus(z)
             lame = modulus * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
             shear = modulus / (2.0 * (1.0 + self.poisson))
             one, two, hoop, other = sym_grad(u), sym_grad(v), u[0] / radius, v[0] / radius
@@ -88,12 +92,12 @@ class LayeredCylinder:
             return 2.0 * np.pi * radius * (lame * volume + 2.0 * shear * (ddot(one, two) + hoop * other))
 
         stiffness = skfem.BilinearForm(energy).assemble(basis).tocsc()
-        on_axis = np.setdiff1d(np.flatnonzero(basis.doflocs[0] < 1e-9), _axial(basis))
+        on_axis = np.setdiff1d(np.flatnonzero(basis.doflocs[0] < 1e-9), axial(basis))
         bottom = np.flatnonzero(basis.doflocs[1] < 1e-9 - self.height)
         return basis, stiffness, np.union1d(on_axis, bottom)
 
 
-class _Contact:
+class SphereContact:
     """Pressure of a sphere on the deformed surface: proportional to the depth of each point in it."""
 
     def __init__(self, radius: float, depth: float, penalty: float, surface: Any) -> None:
@@ -135,7 +139,7 @@ class _Contact:
         return r, z, distance, np.maximum(self.radius - distance, 0.0)
 
 
-def _axial(basis: Any) -> Array:
+def axial(basis: Any) -> Array:
     """Return the numbers of the unknowns along the axis."""
     return np.concatenate([basis.nodal_dofs[1], basis.facet_dofs[1], basis.interior_dofs[1]])
 

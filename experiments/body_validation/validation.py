@@ -23,12 +23,14 @@ from scipy.sparse.linalg import splu
 
 from experiments.body_validation import indenter as punch
 from experiments.body_validation.axisymmetric import LayeredCylinder
+from experiments.body_validation.neo_hookean import NeoHookeanCylinder
 from experiments.body_validation.passivity import energy_out, small_body
 
 __all__ = [
     "Deviations",
     "flat_end",
     "hertz",
+    "hyperelastic_on_skin",
     "lattice_rows",
     "linearized_mass_spring",
     "on_cylinder",
@@ -76,6 +78,7 @@ def hertz(spacing: float, depth: float = 1.25e-3, radius: float = 20e-3) -> floa
 _UNIFORM: Final = LayeredCylinder(10e3, 10e3, 2e-3)
 _SKINS: Final = (LayeredCylinder(8e3, 60e3, 1.5e-3), LayeredCylinder(20e3, 5e3, 3e-3))  # others than those fitted
 _sphere, _flat_end = cache(LayeredCylinder.sphere), cache(LayeredCylinder.flat_end)  # the same for every spacing
+_large_sphere, _large_flat_end = cache(NeoHookeanCylinder.sphere_force), cache(NeoHookeanCylinder.flat_end_force)
 
 
 def cylinder(spacing: float, radius: float = 30e-3, height: float = 20e-3, skin: float | None = None) -> Volume:
@@ -97,8 +100,8 @@ def on_cylinder(spacing: float, positions: int = 10) -> list[Row]:
     The references are axisymmetric elements. The body is a cylinder of 30 mm radius and 20 mm height, bonded below,
     10 kPa, nu 0.45.
     """
-    body, at = _pressed_cylinder(spacing, _UNIFORM, positions)
-    rows = []
+    made, at = _pressed_cylinder(spacing, _UNIFORM, positions)
+    body, rows = made.signed_distance(), []
     for depth in (0.8e-3, 2e-3, 4e-3):
         mean = np.mean([body.indent(x, 8e-3, depth).force[2] for x in at]) / _sphere(_UNIFORM, 8e-3, depth)
         name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, sphere {1e3 * depth:g} mm deep"
@@ -114,9 +117,11 @@ def on_skin(spacing: float, positions: int = 10) -> list[Row]:
     """Return rows, as `validate`, of contact by signed distance on a stiff and on a soft skin, one cell thick."""
     rows = []
     for skin in _SKINS:
-        body, at = _pressed_cylinder(spacing, skin, positions)
-        words = f"{1e3 * skin.skin:g} mm of {1e-3 * skin.skin_young:g} kPa on {1e-3 * skin.young:g} kPa"
-        name = f"contact by signed distance, cells of {1e3 * spacing:g} mm, skin of {words}"
+        made, at = _pressed_cylinder(spacing, skin, positions)
+        body, name = (
+            made.signed_distance(),
+            f"contact by signed distance, cells of {1e3 * spacing:g} mm, {_words(skin)}",
+        )
         for depth in (0.75e-3, 1.5e-3, 3e-3):
             mean = np.mean([body.indent(x, 10e-3, depth).force[2] for x in at]) / _sphere(skin, 10e-3, depth)
             rows.append(_row(f"{name}, sphere {1e3 * depth:g} mm deep", float(mean) - 1.0, 0.08))
@@ -125,8 +130,29 @@ def on_skin(spacing: float, positions: int = 10) -> list[Row]:
     return rows
 
 
+def hyperelastic_on_skin(
+    spacing: float, positions: int = 10, depths: Sequence[float] = (0.75e-3, 1.5e-3, 3e-3)
+) -> list[Row]:
+    """Return rows, as `validate`, of hyperelastic bodies with the same skins, against neo-Hookean elements."""
+    rows = []
+    for skin in _SKINS:
+        made, at = _pressed_cylinder(spacing, skin, positions)
+        body, large = made.hyperelastic("1 ms"), NeoHookeanCylinder(skin.young, skin.skin_young, skin.skin)
+        name = f"hyperelastic, cells of {1e3 * spacing:g} mm, {_words(skin)}"
+        for depth in depths:
+            mean = np.mean([body.indent(x, 10e-3, depth).force[2] for x in at]) / _large_sphere(large, 10e-3, depth)
+            rows.append(_row(f"{name}, sphere {1e3 * depth:g} mm deep", float(mean) - 1.0, 0.25))
+        force = np.mean([body.indent(x, 6e-3, 0.5e-3, tip="flat").force[2] for x in at])
+        rows.append(_row(f"{name}, flat punch", float(force) / _large_flat_end(large, 6e-3, 0.5e-3) - 1.0, 0.1))
+    return rows
+
+
+def _words(skin: LayeredCylinder) -> str:
+    return f"skin of {1e3 * skin.skin:g} mm of {1e-3 * skin.skin_young:g} kPa on {1e-3 * skin.young:g} kPa"
+
+
 def _pressed_cylinder(spacing: float, material: LayeredCylinder, positions: int) -> tuple[Body, Array]:
-    """Return a body with contact by signed distance, and points (n, 3) near the middle of its top, m."""
+    """Return a body, and points (n, 3) near the middle of its top, m."""
     layered = material.skin_young != material.young
     body = build(
         cylinder(spacing, material.radius, material.height, material.skin if layered else None),
@@ -137,7 +163,7 @@ def _pressed_cylinder(spacing: float, material: LayeredCylinder, positions: int)
         touch=half_space("z", ">", material.height - 1e-9),
     )
     aside = np.random.default_rng(1).uniform(-3e-3, 3e-3, (positions, 2))
-    return body.signed_distance(), np.column_stack([aside, np.full(positions, material.height)])
+    return body, np.column_stack([aside, np.full(positions, material.height)])
 
 
 def validate(progress: Progress | None = None, *, paths: int = 10_000) -> list[Row]:
@@ -157,7 +183,7 @@ def validate(progress: Progress | None = None, *, paths: int = 10_000) -> list[R
     rows += _flat_ends(report)
     report("cylinders, contact by signed distance", 0.55)
     for spacing in (5e-3, 4e-3, 3e-3):
-        rows += on_cylinder(spacing) + on_skin(spacing)
+        rows += on_cylinder(spacing) + on_skin(spacing) + hyperelastic_on_skin(spacing)
     rows += lattice_rows(progress=report)
     return rows + _closed_paths(report, paths)
 

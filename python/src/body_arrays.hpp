@@ -71,6 +71,13 @@ auto new_points(std::size_t n, At at) {
   return array;
 }
 
+/// Return the moduli (n, 2) of the layer of each node under round tips and under flat ends, Pa.
+inline std::vector<palpate::deformable::LayerModulus> layer_moduli(const Moduli& modulus) {
+  std::vector<palpate::deformable::LayerModulus> layer;
+  for (std::size_t i = 0; i < modulus.shape(0); ++i) layer.push_back({modulus(i, 0), modulus(i, 1)});
+  return layer;
+}
+
 /// Return the contact surface of a body. `node` is the contact node of each vertex, or -1. `modulus` (n, 2) is that of the layer under
 /// round tips and under flat ends, Pa.
 inline palpate::deformable::ContactSurface contact_surface(const Points& vertices, const IndexRows<3>& triangles, const Indices& node,
@@ -79,9 +86,7 @@ inline palpate::deformable::ContactSurface contact_surface(const Points& vertice
   for (std::size_t i = 0; i < node.shape(0); ++i)
     fit = fit && node.data()[i] >= -1 && node.data()[i] < static_cast<std::int32_t>(modulus.shape(0));
   if (!fit) throw nanobind::value_error("the contact surface does not match the body's nodes");
-  std::vector<palpate::deformable::LayerModulus> layer;
-  for (std::size_t i = 0; i < modulus.shape(0); ++i) layer.push_back({modulus(i, 0), modulus(i, 1)});
-  return {points(vertices), rows<3>(triangles, vertices.shape(0)), {node.data(), node.data() + node.shape(0)}, std::move(layer)};
+  return {points(vertices), rows<3>(triangles, vertices.shape(0)), {node.data(), node.data() + node.shape(0)}, layer_moduli(modulus)};
 }
 
 inline palpate::deformable::SpringNetworkData network_parts(const Points& positions, const Numbers& masses, const Flags& fixed,

@@ -8,6 +8,7 @@
 #include <palpate/object/multirate_object.hpp>
 #include <thread>
 
+#include "body_arrays.hpp"
 #include "body_in_loop.hpp"
 #include "contact_rows.hpp"
 #include "slow_thread.hpp"
@@ -66,18 +67,20 @@ void check(double instantaneous_ratio, double retardation_time) {
     throw nb::value_error("the instantaneous ratio must be 1 or more, and the retardation time positive");
 }
 
-palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& point, const Triangles& triangles) {
+palpate::deformable::TetSurface surface_of(std::size_t points, const Integers& point, const Triangles& triangles,
+                                           const body_arrays::Moduli& modulus) {
   const std::size_t n = point.shape(0);
   const auto fits = [points](const auto& numbers, std::size_t count) {
     return std::all_of(numbers.data(), numbers.data() + count,
                        [points](std::int32_t p) { return p >= 0 && p < static_cast<std::int32_t>(points); });
   };
-  if (n == 0 || !fits(point, n) || !fits(triangles, 3 * triangles.shape(0)))
+  if (n == 0 || modulus.shape(0) != n || !fits(point, n) || !fits(triangles, 3 * triangles.shape(0)))
     throw nb::value_error("the arrays of the body's surface do not match");
   palpate::deformable::TetSurface surface;
   surface.point.assign(point.data(), point.data() + n);
   for (std::size_t t = 0; t < triangles.shape(0); ++t)
     surface.triangles.push_back({triangles.data()[3 * t], triangles.data()[3 * t + 1], triangles.data()[3 * t + 2]});
+  surface.modulus = body_arrays::layer_moduli(modulus);
   return surface;
 }
 
@@ -161,12 +164,13 @@ void bind_solver(nb::module_& m) {
       .def(
           "__init__",
           [](SolverCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame, const Flags& fixed,
-             bool corotational, const Integers& point, const Triangles& triangles, int nodes_per_tip) {
-            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational, surface_of(points.shape(0), point, triangles),
-                                   nodes_per_tip);
+             bool corotational, const Integers& point, const Triangles& triangles, const body_arrays::Moduli& modulus, int nodes_per_tip) {
+            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational,
+                                   surface_of(points.shape(0), point, triangles, modulus), nodes_per_tip);
             new (self) SolverCore{points.shape(0), palpate::deformable::MultirateCoupling<AnyQuasiStaticSolver>(std::move(solid))};
           },
-          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "triangles"_a, "nodes_per_tip"_a)
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "triangles"_a, "modulus"_a,
+          "nodes_per_tip"_a)
       .def(
           "simulate_path",
           [](SolverCore& self, const Paths& centers, const Paths& outward, const Numbers& radii, bool flat, int update_interval) {
@@ -310,9 +314,10 @@ void bind_hyperelastic(nb::module_& m) {
       .def(
           "__init__",
           [](HyperelasticCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
-             const Flags& fixed, bool corotational, const Integers& point, const Triangles& triangles, int nodes_per_tip,
-             int update_interval, double tangential_ratio, double common_compliance, double mu_static, double mu_dynamic, double density,
-             double rayleigh_alpha, double rayleigh_beta, double instantaneous_ratio, double retardation_time, double period) {
+             const Flags& fixed, bool corotational, const Integers& point, const Triangles& triangles, const body_arrays::Moduli& modulus,
+             int nodes_per_tip, int update_interval, double tangential_ratio, double common_compliance, double mu_static, double mu_dynamic,
+             double density, double rayleigh_alpha, double rayleigh_beta, double instantaneous_ratio, double retardation_time,
+             double period) {
             if (update_interval < 1) throw nb::value_error("update_interval must be 1 or more");
             if (!(density >= 0.0 && rayleigh_alpha >= 0.0 && rayleigh_beta >= 0.0 && period > 0.0))
               throw nb::value_error("density and damping must not be negative, and the period must be positive");
@@ -322,15 +327,15 @@ void bind_hyperelastic(nb::module_& m) {
             options.relaxation = {instantaneous_ratio, retardation_time};
             options.tick_period = period;
             options.update_interval = update_interval;
-            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational, surface_of(points.shape(0), point, triangles),
-                                   nodes_per_tip, options);
+            auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational,
+                                   surface_of(points.shape(0), point, triangles, modulus), nodes_per_tip, options);
             new (self) HyperelasticCore(points.shape(0), std::move(solid), update_interval,
                                         mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, tangential_ratio,
                                                                                               common_compliance, point.shape(0))
                                                         : palpate::deformable::LocalModelSlip());
           },
-          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "triangles"_a, "nodes_per_tip"_a,
-          "update_interval"_a, "tangential_ratio"_a = 1.0, "common_compliance"_a = 0.0, "static_friction"_a = 0.0,
+          "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "triangles"_a, "modulus"_a,
+          "nodes_per_tip"_a, "update_interval"_a, "tangential_ratio"_a = 1.0, "common_compliance"_a = 0.0, "static_friction"_a = 0.0,
           "dynamic_friction"_a = 0.0, "density"_a = 0.0, "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0, "instantaneous_ratio"_a = 1.0,
           "retardation_time"_a = 1.0, "period"_a = 1e-3)
       .def(

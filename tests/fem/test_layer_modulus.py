@@ -14,7 +14,8 @@ from palpate.fem.selectors import half_space
 from palpate.fem.volume import Volume, block
 
 from experiments.body_validation.axisymmetric import LayeredCylinder
-from experiments.body_validation.validation import on_skin
+from experiments.body_validation.neo_hookean import NeoHookeanCylinder, Solid
+from experiments.body_validation.validation import hyperelastic_on_skin, on_skin
 
 TOP = 0.04
 
@@ -83,3 +84,29 @@ def test_the_axisymmetric_reference_nears_hertz_and_a_rigid_punch_on_a_deep_cyli
     hertz = 4.0 / 3.0 * plane_strain * np.sqrt(5e-3) * 1e-4**1.5
     assert deep.sphere(5e-3, 1e-4, cell=2e-4) == pytest.approx(hertz, rel=0.03)
     assert deep.flat_end(2e-3, cell=1e-4) == pytest.approx(2.0 * plane_strain * 2e-3, rel=0.04)
+
+
+def test_tips_on_hyperelastic_skins_feel_the_force_of_neo_hookean_axisymmetric_elements() -> None:
+    """With the modulus of the skin alone, the sphere and the flat end on the stiff skin are 32 and 16 % off."""
+    rows = hyperelastic_on_skin(5e-3, positions=3, depths=(1.5e-3,))
+    assert len(rows) == 4
+    for row in rows:
+        assert abs(row["deviation"]) < row["tolerance"], row["name"]
+
+
+def test_the_neo_hookean_reference_is_the_linear_one_at_small_depths_and_stiffer_at_large_ones() -> None:
+    linear, large = LayeredCylinder(10e3, 10e3, 2e-3), NeoHookeanCylinder(10e3, 10e3, 2e-3)
+    assert large.flat_end_force(5e-3, 1e-5) == pytest.approx(1e-5 * linear.flat_end(5e-3), rel=2e-3)
+    assert large.sphere_force(8e-3, 1e-4) == pytest.approx(linear.sphere(8e-3, 1e-4), rel=0.012)
+    assert large.sphere_force(8e-3, 4e-3) == pytest.approx(1.16 * linear.sphere(8e-3, 4e-3), rel=0.02)
+
+
+def test_the_forces_of_the_neo_hookean_reference_are_the_derivatives_of_its_energy() -> None:
+    cylinder = NeoHookeanCylinder(10e3, 30e3, 2e-3, radius=8e-3, height=6e-3)
+    basis = cylinder._elements(4e-3, 2e-3)[0]
+    solid, random = Solid(cylinder, basis), np.random.default_rng(3)
+    at, way = (1e-4 * random.normal(size=basis.N) for _ in range(2))
+    slope = (solid.energy(at + 1e-3 * way) - solid.energy(at - 1e-3 * way)) / 2e-3
+    assert solid.force(at) @ way == pytest.approx(slope, rel=1e-6)
+    change = (solid.force(at + 1e-3 * way) - solid.force(at - 1e-3 * way)) / 2e-3
+    assert solid.tangent(at) @ way == pytest.approx(change, abs=1e-6 * np.abs(change).max())

@@ -40,6 +40,8 @@ struct TetBlock {
     palpate::deformable::TetSurface surface;
     for (int i = 0; i <= nx; ++i)
       for (int j = 0; j <= ny; ++j) surface.point.push_back(number(i, j, nz));
+    const double shear = mesh.shear.front(), lame = mesh.lame.front(), modulus = 4.0 * shear * (lame + shear) / (lame + 2.0 * shear);
+    surface.modulus.assign(surface.point.size(), {modulus, modulus});
     for (int i = 0; i < nx; ++i)
       for (int j = 0; j < ny; ++j) {
         surface.triangles.push_back({number(i, j, nz), number(i + 1, j, nz), number(i + 1, j + 1, nz)});

@@ -23,6 +23,7 @@ from palpate.contact.simplices import area_vectors
 from palpate.fem.checks import bounds_of, row_of
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.hat_functions import hat_integrals, mean_normals
+from palpate.fem.layer_modulus import layer_moduli
 from palpate.fem.material import Material, SurfaceLayer
 from palpate.fem.selectors import Selector
 from palpate.fem.volume import Volume
@@ -152,6 +153,12 @@ class Elements:
     def areas(self) -> Array:
         """Integrals of the hat functions of the contact nodes (n,), m^2."""
         return hat_integrals(self.volume.points, self.triangles, self.contact_nodes)
+
+    @property
+    def layer_moduli(self) -> Array:
+        """Young's modulus of the contact's layer at the contact nodes, under round tips and flat ends (n, 2), Pa."""
+        nodes = self.volume.points[self.contact_nodes]
+        return layer_moduli(nodes, self.normals, self.areas, self.volume, self.young.mean(axis=1))
 
     @cached_property
     def load(self) -> sparse.csc_matrix:

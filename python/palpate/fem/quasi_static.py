@@ -83,6 +83,7 @@ class QuasiStaticSolver:
             *solid.arrays(),
             np.ascontiguousarray(elements.contact_nodes, dtype=np.int32),
             np.ascontiguousarray(elements.triangles, dtype=np.int32),
+            elements.layer_moduli / (1.0 - elements.material.poisson**2),
             whole(nodes_per_tip, "nodes_per_tip", 4, 64),
         )
 

@@ -215,6 +215,16 @@ template <class Model, class Make>
   return out;
 }
 
+/// Read the modulus of the layer of each node under round tips and under flat ends.
+[[nodiscard]] inline std::vector<deformable::LayerModulus> read_layer_moduli(const Section& from, std::int64_t nodes) {
+  std::vector<deformable::LayerModulus> out;
+  const std::vector<double> modulus = from.blob<double>("modulus", nodes, 2);
+  if (std::any_of(modulus.begin(), modulus.end(), [](double each) { return !(each > 0.0 && each < 1e15); }))
+    from.fail("modulus", "must hold numbers from 0 to 1e15 Pa");
+  for (std::size_t i = 0; i + 1 < modulus.size(); i += 2) out.push_back({modulus[i], modulus[i + 1]});
+  return out;
+}
+
 #if defined(PALPATE_HYPERELASTIC)
 /// Return positive elastic constants of each tetrahedron, and fail if a tetrahedron has no volume.
 [[nodiscard]] inline deformable::TetMesh read_tetrahedra(ConfigReader& reader, const Section& from) {
@@ -246,6 +256,7 @@ template <class Model, class Make>
   for (const auto& row : read_indices<1>(from, "node_points", points)) out.point.push_back(row[0]);
   out.triangles = read_indices<3>(from, "triangles", points);
   if (reader.ok() && out.point.empty()) from.fail("node_points", "is empty");
+  out.modulus = read_layer_moduli(from, static_cast<std::int64_t>(out.point.size()));
   return out;
 }
 
@@ -289,14 +300,11 @@ template <class Model, class Make>
   out.vertices = from.points("vertices");
   out.triangles = read_indices<3>(from, "triangles", out.vertices.size());
   out.node = from.blob<std::int32_t>("vertex_nodes", static_cast<std::int64_t>(out.vertices.size()), 1);
-  const std::vector<double> modulus = from.blob<double>("modulus", nodes, 2);
+  out.modulus = read_layer_moduli(from, nodes);
   out.poisson = from.number("poisson", -1.0, 0.5);
   if (!reader.ok()) return out;
   if (std::any_of(out.node.begin(), out.node.end(), [&](std::int32_t node) { return node < -1 || node >= nodes; }))
     from.fail("vertex_nodes", "must hold contact nodes, or -1");
-  if (std::any_of(modulus.begin(), modulus.end(), [](double each) { return !(each > 0.0 && each < 1e15); }))
-    from.fail("modulus", "must hold numbers from 0 to 1e15 Pa");
-  for (std::size_t i = 0; i + 1 < modulus.size(); i += 2) out.modulus.push_back({modulus[i], modulus[i + 1]});
   return out;
 }
 

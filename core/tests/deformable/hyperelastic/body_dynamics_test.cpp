@@ -55,7 +55,7 @@ struct SwingingColumn {
         elastic_force(model.unknowns()) {
     const auto surface = block.top();
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(node_of.size()); ++i) node_of[static_cast<std::size_t>(model.point_of(i))] = i;
-    const LayeredSurface layer(block.mesh.points, surface.triangles, surface.point, std::vector<double>(surface.point.size(), 6e3));
+    const LayeredSurface layer(block.mesh.points, surface.triangles, surface.point, {surface.point.size(), {6e3, 6e3}});
     contact = SurfaceContact(block.mesh.points, layer, node_of, model.free_nodes());
     std::vector<double> by_node;
     for (std::size_t i = 0; i < static_cast<std::size_t>(model.free_nodes()); ++i) by_node.push_back(1000.0 * model.nodal_volume(i));

@@ -21,7 +21,36 @@ struct SwitchedBlock {
   std::unique_ptr<palpate::deformable::PassiveModelSwitch> servo = std::make_unique<palpate::deformable::PassiveModelSwitch>();
 
   SwitchedBlock(int nx, int ny, int nz) : block(nx, ny, nz, 8e3, 0.4), solver(block.mesh, block.top(), {.nodes_per_tip = 16}) {}
+  SwitchedBlock(int nx, int ny, int nz, palpate::deformable::LayerModulus layer)
+      : block(nx, ny, nz, 8e3, 0.4), solver(block.mesh, with_layer(block.top(), layer), {.nodes_per_tip = 16}) {}
+
+  static palpate::deformable::TetSurface with_layer(palpate::deformable::TetSurface surface, palpate::deformable::LayerModulus layer) {
+    surface.modulus.assign(surface.point.size(), layer);
+    return surface;
+  }
 };
+
+// Law: round tips press the layer by its modulus for round tips, in the updates and in the ticks, and flat ends by that for flat ends.
+TEST(PassiveModelSwitch, TipsPressTheLayerOfTheirKind) {
+  const auto force = [](palpate::deformable::Tip::Kind kind, palpate::deformable::LayerModulus layer) {
+    SwitchedBlock body(6, 4, 2, layer);
+    palpate::deformable::TipPair tips;
+    tips.count = 1;
+    palpate::deformable::Tip& tip = tips.tip[0];
+    tip.kind = kind;
+    tip.radius = 7e-3;
+    tip.center = {0.013, 0.011, 0.01 + (kind == palpate::deformable::Tip::Kind::flat ? 0.0 : tip.radius) - 1e-3};
+    for (int k = 0; k < 10; ++k) body.solver.step(tips, body.models->write_slot());
+    body.models->publish();
+    return body.servo->step(*body.models, tips).tip[0].force.z();
+  };
+  for (const auto kind : {palpate::deformable::Tip::Kind::sphere, palpate::deformable::Tip::Kind::flat}) {
+    const bool flat = kind == palpate::deformable::Tip::Kind::flat;
+    const double own = flat ? 3e4 : 5e3, other = flat ? 5e3 : 3e4, found = force(kind, {5e3, 3e4});
+    EXPECT_EQ(found, force(kind, {own, own}));
+    EXPECT_GT(std::abs(found - force(kind, {other, other})), 0.05 * std::abs(found));
+  }
+}
 
 // Two tips in random motion with synchronous model updates: their work equals potential plus tank level, both nonnegative, and each model's
 // compliance is symmetric with a positive diagonal. (Each random step takes two ticks, for an accurate sum.)

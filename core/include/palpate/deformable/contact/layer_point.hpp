@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 
+#include "palpate/deformable/contact/layer_modulus.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/deformable/contact/tip_geometry.hpp"
 #include "palpate/math/select.hpp"
@@ -29,6 +30,18 @@ struct LayerConstants {
   static constexpr double most_beta = 2.0;
   static constexpr double scale = 0.06;  ///< depth at which the secant stiffness has doubled, over b
   static constexpr double flare = 0.25;  ///< of a flat end, see TipGeometry, over b
+};
+
+/// Layer of the part of a triangle that belongs to one corner.
+struct LayerCorner {
+  LayerModulus stiffness{};  ///< E* times the area of the part, over b, N/m; zero: no tip presses it
+  double radius = 0.0;       ///< b, m
+
+  [[nodiscard]] bool exists() const noexcept { return stiffness.round > 0.0; }
+  /// The layer of a point with a `share` of the part, under a tip of a kind.
+  [[nodiscard]] LayerPoint<double> point(Tip::Kind kind, double share) const noexcept {
+    return {share * (kind == Tip::Kind::flat ? stiffness.flat : stiffness.round), radius, 1.0 / (LayerConstants::scale * radius)};
+  }
 };
 
 /// Points of a triangle that tips press: three for each corner, which share its part of the area.

@@ -9,16 +9,11 @@
 #include <vector>
 
 #include "palpate/deformable/contact/float_pack.hpp"
+#include "palpate/deformable/contact/layer_modulus.hpp"
 #include "palpate/deformable/linear/creep.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
-
-/// E / (1 - nu^2) of the elastic layer of a node, Pa. They differ where the stiffness varies with the depth.
-struct LayerModulus {
-  double round;  ///< under a capsule or sphere
-  double flat;   ///< under a cylinder
-};
 
 /// Triangulated contact surface of a body.
 struct ContactSurface {

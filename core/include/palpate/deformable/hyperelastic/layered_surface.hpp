@@ -16,8 +16,8 @@ namespace palpate::deformable {
 class LayeredSurface {
  public:
   struct Triangle {
-    std::array<std::int32_t, 3> vertex{};        ///< counterclockwise seen from outside
-    std::array<LayerPoint<double>, 3> corner{};  ///< layer of the part of each corner
+    std::array<std::int32_t, 3> vertex{};  ///< counterclockwise seen from outside
+    std::array<LayerCorner, 3> corner{};
   };
 
   LayeredSurface() = default;
@@ -25,9 +25,9 @@ class LayeredSurface {
   /// @param vertices   of the mesh, at rest [m]
   /// @param triangles  counterclockwise seen from outside
   /// @param node       vertex of each contact node
-  /// @param modulus    E / (1 - nu^2) at each contact node, Pa
+  /// @param modulus    of the layer of each contact node
   LayeredSurface(const std::vector<Vector3<>>& vertices, const std::vector<std::array<std::int32_t, 3>>& triangles,
-                 const std::vector<std::int32_t>& node, const std::vector<double>& modulus)
+                 const std::vector<std::int32_t>& node, const std::vector<LayerModulus>& modulus)
       : area_(node.size(), 0.0) {
     std::vector<std::int32_t> node_of(vertices.size(), -1);
     for (std::size_t i = 0; i < node.size(); ++i) node_of[at(node[i])] = static_cast<std::int32_t>(i);
@@ -43,8 +43,8 @@ class LayeredSurface {
       for (std::size_t c = 0; c < 3; ++c) {
         const std::int32_t i = node_of[at(t[c])];
         if (i < 0) continue;
-        const double radius = std::sqrt(area_[at(i)] / M_PI);
-        triangle.corner[c] = {modulus[at(i)] / radius * size_of(t) / 3.0, radius, 1.0 / (LayerConstants::scale * radius)};
+        const double radius = std::sqrt(area_[at(i)] / M_PI), size = size_of(t) / 3.0 / radius;
+        triangle.corner[c] = {{modulus[at(i)].round * size, modulus[at(i)].flat * size}, radius};
       }
     }
   }

@@ -54,7 +54,7 @@ class QuasiStaticSolver {
   QuasiStaticSolver(const TetMesh& mesh, TetSurface surface, const SolverOptions& options)
       : model_(mesh, options.relaxation),
         surface_(std::move(surface)),
-        layered_(mesh.points, surface_.triangles, surface_.point, moduli(mesh, surface_.point)),
+        layered_(mesh.points, surface_.triangles, surface_.point, surface_.modulus),
         options_(options),
         points_(mesh.points),
         tetrahedra_(mesh.tetrahedra),
@@ -187,20 +187,6 @@ class QuasiStaticSolver {
   static constexpr double prediction_steps = 3.0;  // steps of tip motion ahead that the outer nodes cover
 
   [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
-
-  /// Mean of E / (1 - nu^2) over the tetrahedra around each contact node, Pa.
-  [[nodiscard]] static std::vector<double> moduli(const TetMesh& mesh, const std::vector<std::int32_t>& point) {
-    std::vector<double> sum(mesh.points.size(), 0.0), count(mesh.points.size(), 0.0), out;
-    for (std::size_t c = 0; c < mesh.tetrahedra.size(); ++c) {
-      const double shear = mesh.shear[c], lame = mesh.lame[c];
-      for (const std::int32_t p : mesh.tetrahedra[c]) {
-        sum[at(p)] += 4.0 * shear * (lame + shear) / (lame + 2.0 * shear);
-        count[at(p)] += 1.0;
-      }
-    }
-    for (const std::int32_t p : point) out.push_back(sum[at(p)] / std::max(count[at(p)], 1.0));
-    return out;
-  }
 
   void set_exact_tangent(bool exact) {
     exact_tangent_ = exact;
@@ -476,9 +462,9 @@ class QuasiStaticSolver {
         corner.node = index_of_[at(v)];
         corner.position = position(v);
         corner.displacement = corner.position - points_[at(v)];
-        const LayerPoint<double>& layer = layered_.triangles()[at(f)].corner[c];
+        const LayerCorner& layer = layered_.triangles()[at(f)].corner[c];
         if (corner.node < 0) {
-          if (layer.stiffness > 0.0) triangles_[k].complete = false;
+          if (layer.exists()) triangles_[k].complete = false;
           continue;
         }
         corner.direction = -next_.nodes.normal(corner.node);

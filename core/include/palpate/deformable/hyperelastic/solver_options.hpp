@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "palpate/deformable/contact/layer_modulus.hpp"
+
 namespace palpate::deformable {
 
 /// Effort of a step of ComplianceColumnCache. Errors are relative, in the energy norm (approximate).
@@ -17,6 +19,7 @@ struct ColumnRefinement {
 struct TetSurface {
   std::vector<std::int32_t> point;                     ///< mesh point of each node, n
   std::vector<std::array<std::int32_t, 3>> triangles;  ///< mesh points, counterclockwise seen from outside
+  std::vector<LayerModulus> modulus;                   ///< of the elastic layer of each node, n
 };
 
 /// Inertia of a body: lumped mass, and Rayleigh damping by rayleigh_alpha times the mass plus rayleigh_beta times the tangent stiffness.

@@ -144,16 +144,15 @@ class SurfaceContact {
         const Vector3<> y = center - tip.center;
         if ((tip.kind == Tip::Kind::flat ? y.dot(tip.outward) : depth_in_sphere<double>(tip, y, y).depth) <= -reach) continue;
         for (std::size_t c = 0; c < 3; ++c) {
-          const LayerPoint<double>& layer = triangles_[f].corner[c];
-          if (layer.stiffness <= 0.0) continue;
+          const LayerCorner& layer = triangles_[f].corner[c];
+          if (!layer.exists()) continue;
           for (const CornerPoint& q : corner_points) {
             Pressed pressed{.triangle = f, .weight = {}, .contact = {}};
             pressed.weight[c] = q.own;
             pressed.weight[(c + 1) % 3] = q.next;
             pressed.weight[(c + 2) % 3] = q.last;
             const Vector3<> x = pressed.weight[0] * corner[0] + pressed.weight[1] * corner[1] + pressed.weight[2] * corner[2];
-            pressed.contact =
-                press_point<double>(tip, x - tip.center, normals_[f], {q.share * layer.stiffness, layer.radius, layer.inverse});
+            pressed.contact = press_point<double>(tip, x - tip.center, normals_[f], layer.point(tip.kind, q.share));
             if (pressed.contact.stiffness > 0.0) visit(pressed);
           }
         }

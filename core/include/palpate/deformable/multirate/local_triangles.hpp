@@ -21,7 +21,7 @@ class LocalTriangles {
     Vector3<> position = Vector3<>::Zero();      ///< at the state, m
     Vector3<> direction = Vector3<>::Zero();     ///< unit vector in which the node moves
     Vector3<> displacement = Vector3<>::Zero();  ///< of the state, m
-    LayerPoint<double> layer{};                  ///< without stiffness: no tip presses the part of this corner
+    LayerCorner layer;
   };
   struct Triangle {
     std::array<Corner, 3> corner;
@@ -30,7 +30,16 @@ class LocalTriangles {
   };
 
   /// Rows of numbers: 3 x corner + axis for vectors of the corners, axis for the normal, corner for numbers of the corners.
-  enum Row : std::size_t { position = 0, direction = 9, displacement = 18, normal = 27, stiffness = 30, radius = 33, row_count = 36 };
+  enum Row : std::size_t {
+    position = 0,
+    direction = 9,
+    displacement = 18,
+    normal = 27,
+    radius = 30,
+    round_stiffness = 33,
+    flat_stiffness = 36,
+    row_count = 39
+  };
 
   /// Replace all triangles; at most max_triangles are taken. Positions are stored relative to `origin`.
   void assign(const Vector3<>& origin, const std::vector<Triangle>& triangles) {
@@ -57,8 +66,9 @@ class LocalTriangles {
           entry(displacement + 3 * c + a, t) = static_cast<float>(corner.displacement[axis]);
           if (c == 0) entry(normal + a, t) = static_cast<float>(triangles[t].normal[axis]);
         }
-        entry(stiffness + c, t) = static_cast<float>(corner.layer.stiffness);
-        entry(radius + c, t) = corner.layer.stiffness > 0.0 ? static_cast<float>(corner.layer.radius) : 1e-4F;
+        entry(round_stiffness + c, t) = static_cast<float>(corner.layer.stiffness.round);
+        entry(flat_stiffness + c, t) = static_cast<float>(corner.layer.stiffness.flat);
+        entry(radius + c, t) = corner.layer.exists() ? static_cast<float>(corner.layer.radius) : 1e-4F;
       }
   }
 

@@ -147,10 +147,10 @@ class PressedTriangles {
     std::array<Scalar, 3> share{zero, zero, zero};
     const PackVector normal = triangles.load_vector(LocalTriangles::normal, first);
     bool touched = false;
+    const std::size_t row = tip.kind == Tip::Kind::flat ? LocalTriangles::flat_stiffness : LocalTriangles::round_stiffness;
     for (std::size_t c = 0; c < 3; ++c) {
       const std::size_t next = (c + 1) % 3, last = (c + 2) % 3;
-      const Scalar stiffness = triangles.load(LocalTriangles::stiffness + c, first),
-                   radius = triangles.load(LocalTriangles::radius + c, first);
+      const Scalar stiffness = triangles.load(row + c, first), radius = triangles.load(LocalTriangles::radius + c, first);
       const Scalar inverse = Scalar(1.0) / (Scalar(LayerConstants::scale) * radius);
       for (const CornerPoint& q : corner_points) {
         const Scalar own_weight(q.own), next_weight(q.next), last_weight(q.last);

@@ -30,6 +30,64 @@ struct SwitchedBlock {
   }
 };
 
+/// A spring along z in place of a body. Below a depth its force is not found: force and energy are then without meaning.
+struct Spring {
+  double stiffness = 0.0, known_depth = 1.0;  // N/m, m
+  bool has_memory = false;
+  double returnable = 0.0;
+
+  [[nodiscard]] bool empty() const { return stiffness == 0.0; }
+};
+struct SpringContact {
+  using Model = Spring;
+  palpate::deformable::MultiTipResult result;
+
+  const palpate::deformable::MultiTipResult& solve(const Spring& model, const palpate::deformable::TipPair& tips, double scale) {
+    const double depth = std::max(-tips.tip[0].center.z(), 0.0);
+    result = {};
+    result.solved = result.tip[0].solved = depth < model.known_depth;
+    const double stiffness = scale * model.stiffness * (result.solved ? 1.0 : 1e15);  // a stiffened body returns less energy
+    result.energy = 0.5 * stiffness * depth * depth;
+    result.tip[0].force.z() = stiffness * depth;
+    result.nodes = depth > 0.0 ? 1 : 0;
+    return result;
+  }
+  void start_from(const Spring& /*model*/, const SpringContact& /*other*/) {}
+  [[nodiscard]] const palpate::deformable::MultiTipResult& last() const { return result; }
+};
+
+// Law: forces that were not found neither supply energy nor fill the tank, in the old model or in the new one.
+TEST(PassiveModelSwitch, ForcesThatWereNotFoundSupplyNoEnergy) {
+  for (const double first : {1e-3, 1.0})
+    for (const double second : {1e-3, 1.0}) {
+      palpate::deformable::BasicPassiveModelSwitch<SpringContact> servo;
+      decltype(servo)::ModelBuffer models;
+      const auto publish = [&](double stiffness, double known) {
+        models.write_slot() = {.stiffness = stiffness, .known_depth = known};
+        models.publish();
+      };
+      publish(100.0, first);
+      palpate::deformable::TipPair tips;
+      tips.count = 1;
+      double work = 0.0, force = 0.0, largest = 0.0;
+      int not_found = 0;
+      for (int k = 0; k <= 1200; ++k) {
+        if (k > 0 && k % 100 == 0) publish(k % 200 == 0 ? 100.0 : 130.0, k % 200 == 0 ? first : second);
+        const double before = tips.tip[0].center.z();
+        tips.tip[0].center.z() = 1e-4 - 1e-3 * (1.0 - std::cos(2.0 * M_PI * k / 1200.0));
+        const auto& result = servo.step(models, tips);
+        if (k > 0) work -= 0.5 * (force + result.tip[0].force.z()) * (tips.tip[0].center.z() - before);
+        force = result.tip[0].force.z();
+        largest = std::max(largest, force);
+        not_found += result.solved ? 0 : 1;
+        ASSERT_LE(servo.tank().potential + servo.tank().level, 1.05 * work + 1e-9) << first << " " << second << " " << k;
+        ASSERT_GE(work, -1e-9);
+      }
+      EXPECT_LE(largest, 0.26);  // 130 N/m at the largest depth
+      EXPECT_EQ(not_found > 0, first + second < 2.0);
+    }
+}
+
 // Law: round tips press the layer by its modulus for round tips, in the updates and in the ticks, and flat ends by that for flat ends.
 TEST(PassiveModelSwitch, TipsPressTheLayerOfTheirKind) {
   const auto force = [](palpate::deformable::Tip::Kind kind, palpate::deformable::LayerModulus layer) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
@@ -24,6 +25,9 @@ namespace palpate::deformable {
 /// most the energy that the body still has (LocalModel::returnable): nothing for a quasi-static elastic body. With inertia or
 /// relaxation this is the energy of the swing or of the overstress, and it bounds what the body returns to a tip.
 ///
+/// Forces that were not found have an energy without meaning. They fill no tank, and are scaled down so that the tips could have supplied
+/// the energy.
+///
 /// `Contact` is that of the tips with one local model, e.g. LocalModelContact or LinearLocalContact:
 ///   Model                                             local model, with empty(), has_memory and returnable
 ///   const MultiTipResult& solve(model, tips, scale)   forces and potential; `scale` multiplies the compliance about the model's state
@@ -44,6 +48,8 @@ class BasicPassiveModelSwitch {
 
   /// Advance by one period with the tips at their present positions. Accepts a model from `models` when the last one is fully blended in.
   const MultiTipResult& step(ModelBuffer& models, const TipPair& tips) noexcept {
+    const double supplied = work_to(tips);
+    const EnergyTank before = tank_;
     if (!is_waiting_) ++ticks_since_model_;
     is_waiting_ = models.has_new();
     if (is_waiting_ && (tank_.blend >= 1.0 || tank_.empty)) accept_model(models, tips);
@@ -54,7 +60,10 @@ class BasicPassiveModelSwitch {
       result_ = b;
       tank_.empty = false;
     }
+    scale_ = 1.0;
+    if (!result_.solved) limit(tips, before.potential + before.level - tank_.level + 0.5 * supplied);
     tank_.potential = result_.energy;
+    last_tips_ = tips;
     if (result_.nodes == 0)
       leave(current_model(models));
     else
@@ -64,6 +73,7 @@ class BasicPassiveModelSwitch {
 
   /// Start under tips at rest, one tick before the first step, with the energy that the body holds beyond the potential in the tank.
   void start(ModelBuffer& models, const TipPair& tips) noexcept {
+    last_tips_.count = 0;
     step(models, tips);
     ticks_since_model_ = -1;
     if (current_model(models).has_memory) tank_.level = std::max(current_model(models).returnable - tank_.potential, 0.0);
@@ -76,7 +86,8 @@ class BasicPassiveModelSwitch {
   template <class Visit>
   void for_each_contact_node(Visit visit) const noexcept {
     const double s = tank_.blend;
-    ContactCursor one(slots_[static_cast<std::size_t>(previous_)], 1.0 - s), two(slots_[static_cast<std::size_t>(current_)], s);
+    ContactCursor one(slots_[static_cast<std::size_t>(previous_)], scale_ * (1.0 - s));
+    ContactCursor two(slots_[static_cast<std::size_t>(current_)], scale_ * s);
     while (one || two) {
       const std::int32_t node = !two || (one && one.node() < two.node()) ? one.node() : two.node();
       double force = 0.0;
@@ -117,6 +128,29 @@ class BasicPassiveModelSwitch {
     double weight_;
     int count_, at_ = 0;
   };
+
+  /// Work of the tips on the body from the last tick to this one under the present forces, J.
+  [[nodiscard]] double work_to(const TipPair& tips) const noexcept {
+    double work = 0.0;
+    for (std::size_t t = 0; t < static_cast<std::size_t>(std::min(tips.count, last_tips_.count)); ++t)
+      work -= result_.tip[t].force.dot(tips.tip[t].center - last_tips_.tip[t].center);
+    return work;
+  }
+
+  /// Scale the forces down if they have more energy than `available` [J] and half the work of this tick under them.
+  void limit(const TipPair& tips, double available) noexcept {
+    const double missing = result_.energy - 0.5 * work_to(tips);
+    if (last_tips_.count == 0 || missing <= available) return;
+    scale_ = std::isfinite(missing) ? std::max(available, 0.0) / missing : 0.0;
+    for (std::size_t t = 0; t < static_cast<std::size_t>(tips.count); ++t) {
+      ContactResult& tip = result_.tip[t];
+      tip.force = scale_ > 0.0 ? Vector3<>(scale_ * tip.force) : Vector3<>::Zero();
+      tip.energy = scale_ > 0.0 ? scale_ * tip.energy : 0.0;
+    }
+    result_.energy = scale_ > 0.0 ? scale_ * result_.energy : 0.0;
+  }
+
+  [[nodiscard]] bool is_solved(int slot) const noexcept { return slots_[static_cast<std::size_t>(slot)].contact.last().solved; }
 
   /// Empty the tank down to the energy of the body. The first model after the contact may still be one of the body in contact.
   void leave(const Model& model) noexcept {
@@ -167,10 +201,11 @@ class BasicPassiveModelSwitch {
     spare.slot = models.acquire(spare.slot);
     start_from(models, spare_, current_);
     const double s = tank_.blend, now = solve(models, current_, tips).energy;
+    const bool known = is_solved(current_);
     const double blended = (1.0 - s) * solve(models, previous_, tips).energy + s * now;
     const double gain = s * (fit_energy(models, spare_, tips, 1.0, blended + tank_.level) - now);
     if (gain > tank_.level) return;
-    tank_.level -= gain;
+    if (gain > 0.0 || known) tank_.level -= gain;
     std::swap(current_, spare_);
     ticks_since_model_ = 0;
   }
@@ -178,17 +213,18 @@ class BasicPassiveModelSwitch {
   void blend_models(ModelBuffer& models, const TipPair& tips, const MultiTipResult& a, const MultiTipResult& b) noexcept {
     const double more = std::min(1.0 / blend_ticks_, 1.0 - tank_.blend);
     if (more * (b.energy - a.energy) > tank_.level + round_off * b.energy) {
+      const bool known = b.solved;
       const double before = b.energy, scale = slots_[static_cast<std::size_t>(current_)].compliance_scale;
       fit_energy(models, current_, tips, scale, (1.0 - tank_.blend) * a.energy + tank_.blend * before + tank_.level);
       if (b.energy < before)
-        tank_.level += tank_.blend * (before - b.energy);
+        tank_.level += known ? tank_.blend * (before - b.energy) : 0.0;
       else
         fit_energy(models, current_, tips, scale, unlimited);
     }
     const double rise = b.energy - a.energy;
     tank_.empty = rise > 0.0 && more * rise > tank_.level + round_off * b.energy;
     const double step = tank_.empty ? tank_.level / rise : more;
-    tank_.level = std::max(tank_.level - step * rise, 0.0);
+    if (rise > 0.0 || (a.solved && b.solved)) tank_.level = std::max(tank_.level - step * rise, 0.0);
     tank_.blend += step;
     if (tank_.blend > 1.0 - 1e-9) tank_.blend = 1.0;
     const double s = tank_.blend;
@@ -220,6 +256,8 @@ class BasicPassiveModelSwitch {
   int blend_ticks_ = 1;        // duration of the blend
   int models_since_contact_ = 0;
   MultiTipResult result_;
+  TipPair last_tips_;   // none before the first step
+  double scale_ = 1.0;  // of the forces of the last step
   EnergyTank tank_;
 };
 

@@ -66,14 +66,26 @@ class _Organ:
         surface = (self.points, self.triangles.astype(np.int32), nodes, np.full((count, 2), MODULUS))
         still = (np.zeros((3 * count, 0), dtype=np.float32), np.zeros(0))
         arrays = (self.points, self.normals, self.areas, self.compliance, *surface, 0.45)
-        return {
-            "node contact": node_contact,
-            "signed distance": _core.SignedDistanceBody(*arrays, *still),
-            "signed distance, creep": _core.SignedDistanceBody(
-                *arrays, *still, instantaneous_ratio=2.0, retardation_time=0.1
-            ),
-            f"signed distance, {MODES} modes": _core.SignedDistanceBody(*arrays, *self._modes(), rayleigh_beta=1e-4),
-        }
+        moving = self._modes()
+        cores: dict[str, _core.DeformableBody] = {"node contact": node_contact}
+        for words, (static, dynamic) in (("", (0.0, 0.0)), (", friction", (0.4, 0.3))):
+            cores |= {
+                f"signed distance{words}": _core.SignedDistanceBody(
+                    *arrays, *still, static_friction=static, dynamic_friction=dynamic
+                ),
+                f"signed distance, creep{words}": _core.SignedDistanceBody(
+                    *arrays,
+                    *still,
+                    instantaneous_ratio=2.0,
+                    retardation_time=0.1,
+                    static_friction=static,
+                    dynamic_friction=dynamic,
+                ),
+                f"signed distance, {MODES} modes{words}": _core.SignedDistanceBody(
+                    *arrays, *moving, rayleigh_beta=1e-4, static_friction=static, dynamic_friction=dynamic
+                ),
+            }
+        return cores
 
     def _modes(self) -> tuple[Single, Array]:
         """Return shapes, 1/sqrt(kg), and frequencies, rad/s, of equal masses on the compliance of each axis."""

@@ -15,8 +15,9 @@ namespace palpate::deformable {
 /// stiffness is k = h 2 (1 - nu) / (2 - nu) (Mindlin 1949), with the stiffness h of the node's points in contact. The traction T of a node
 /// is perpendicular to its force F:
 ///   |T| <= mu |F|,   T = (traction that the layer still carries) - k (slip of the node relative to the tip) inside the cone.
-/// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node. What they lack at the end of a
-/// tick is made up in the next.
+/// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node. Two blocks change at a time, so
+/// that the processor works on both; the sweeps converge as well, because the system of two nodes is positive definite. What they lack at
+/// the end of a tick is made up in the next.
 ///
 /// The layer carries less than before where its stiffness has fallen, and no more where it has risen, so its energy T.T / (2 k) never
 /// grows without slip: friction only dissipates.
@@ -34,41 +35,38 @@ class LayerFriction {
 
   /// Reduce the traction of a place to what its normal force allows.
   void limit(NearNodes::Place& p) const noexcept {
-    const double most = coefficient(p.tip) * p.force.norm(), size = p.traction.norm();
-    if (size > most) p.traction *= most / size;
+    const double mu = coefficient(p.tip), most = mu * mu * p.force.squaredNorm(), square = p.traction.squaredNorm();
+    if (square > most) p.traction *= std::sqrt(most / square);
   }
 
   static constexpr int max_sweeps = 6;
 
-  /// Update the tractions under the present normal forces by up to `most` sweeps. Return the change of their sum, N.
+  /// Update the tractions under the present normal forces by up to `most` sweeps, and the displacements of the places. Return the change of
+  /// the tractions' sum, N.
   double sweep(NearNodes& near, int most = max_sweeps) noexcept {
     const int count = near.engaged();
-    prepare(near);
-    double change = 0.0, first = 0.0;
+    const double force = prepare(near);
+    const int half = count / 2;
     Vector3<> total = Vector3<>::Zero();
     for (int s = 0; s < most; ++s) {
       Vector3<> sum = Vector3<>::Zero();
-      double force = 0.0;
-      for (int k = 0; k < count; ++k) {
-        NearNodes::Place& p = near.place(k);
-        const Vector3<> old = p.traction;
-        p.traction = next_traction(near, k);
-        const Vector3<> step = p.traction - old;
-        force += p.force.norm();
-        if (step.squaredNorm() == 0.0) continue;
-        sum += step;
-        near.add_displacements(k, step, displacement_);
+      for (int k = 0; k < half; ++k) {
+        const Vector3<> one = next_step(near, k), other = next_step(near, k + half);
+        sum += take_step(near, k, one);
+        sum += take_step(near, k + half, other);
       }
+      if (count > 2 * half) sum += take_step(near, 2 * half, next_step(near, 2 * half));
       total += sum;
-      change = sum.norm();
-      first = std::max(first, change);
-      if (change <= tolerance * force) break;
+      if (sum.norm() <= tolerance * force) break;
     }
-    for (int k = 0; k < count; ++k) near.set_force(k);
+    for (int k = 0; k < count; ++k) {
+      near.set_force(k);
+      near.place(k).displacement = displacement_.get(k);
+    }
     return total.norm();
   }
 
-  /// Record the state at the end of a tick, right after sweep(). `displacement` of a place is up to date.
+  /// Record the state at the end of a tick, right after sweep().
   void finish(NearNodes& near) noexcept {
     std::array<bool, max_tips> all{}, any{};
     all.fill(true);
@@ -78,7 +76,7 @@ class LayerFriction {
       p.last_traction = p.traction;
       if (p.rubs && p.stiffness > 0.0) {
         const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.stiffness;
-        Vector3<> missing = (carried_[at(k)] - p.traction) / stiffness - (relative - p.last_relative);
+        Vector3<> missing = (rub_[at(k)].carried - p.traction) / stiffness - (relative - p.last_relative);
         missing -= missing.dot(p.direction) * p.direction;
         const bool slips = p.traction.squaredNorm() >= limit * limit * (1.0 - cone_tolerance) &&
                            p.traction.dot(missing) > cone_tolerance * limit * limit / stiffness;
@@ -109,39 +107,65 @@ class LayerFriction {
   [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
   [[nodiscard]] double coefficient(int tip) const noexcept { return sliding_[at(tip)] ? friction_.mu_dynamic : friction_.mu_static; }
 
-  /// Evaluate the displacements, the carried tractions and the compliances of the engaged places.
-  void prepare(NearNodes& near) noexcept {
+  /// What all sweeps of a tick's iteration know of a place.
+  struct Rub {
+    double limit;       // of the traction, N
+    double yielding;    // of the layer, m/N
+    double mobility;    // over that of the layer and the body, N/m
+    Vector3<> carried;  // by the layer without further slip, N
+    Vector3<> origin;   // displacement without slip, m
+  };
+
+  /// Evaluate the displacements, and what the sweeps know of the places. Return the sum of the sizes of the normal forces, N.
+  double prepare(const NearNodes& near) noexcept {
+    double sum = 0.0;
     for (int k = 0; k < near.engaged(); ++k) {
-      NearNodes::Place& p = near.place(k);
+      const NearNodes::Place& p = near.place(k);
+      Rub& rub = rub_[at(k)];
       displacement_.set(k, p.free + near.displacement(k));
-      const Matrix3<> own = near.self_compliance(k);
-      compliance_[at(k)] = 0.5 * (own.trace() - p.direction.dot(own * p.direction));
+      const double force = p.force.norm();
+      sum += force;
+      rub.mobility = 0.0;
       if (!p.rubs || !(p.stiffness > 0.0)) continue;
+      const Matrix3<> own = near.self_compliance(k);
+      const double across = 0.5 * (own.trace() - p.direction.dot(own * p.direction));
+      rub.limit = coefficient(p.tip) * force;
+      rub.yielding = 1.0 / (shear_ratio_ * p.stiffness);
+      rub.mobility = 1.0 / (across + rub.yielding);
       const double kept = std::min(1.0, p.stiffness / p.last_stiffness);
-      carried_[at(k)] = kept * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
+      rub.carried = kept * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
+      rub.origin = near.tip_of(p).center + p.last_relative;
     }
+    return sum;
   }
 
-  [[nodiscard]] Vector3<> next_traction(const NearNodes& near, int k) const noexcept {
+  /// Change the traction of a place, and the displacements. Return the change.
+  Vector3<> take_step(NearNodes& near, int k, const Vector3<>& step) noexcept {
+    near.place(k).traction += step;
+    if (step.squaredNorm() > 0.0) near.add_displacements(k, step, displacement_);
+    return step;
+  }
+
+  /// Change of the traction of a place that its displacement asks for, N.
+  [[nodiscard]] Vector3<> next_step(const NearNodes& near, int k) const noexcept {
     const NearNodes::Place& p = near.place(k);
-    if (!p.rubs || !(p.stiffness > 0.0)) return Vector3<>::Zero();
+    const Rub& rub = rub_[at(k)];
+    if (rub.mobility == 0.0) return -p.traction;
     const Vector3<>& d = p.direction;
-    const double limit = coefficient(p.tip) * p.force.norm(), yielding = 1.0 / (shear_ratio_ * p.stiffness);
-    Vector3<> slip = displacement_.get(k) - near.tip_of(p).center - p.last_relative;
-    slip -= slip.dot(d) * d;
     const Vector3<> traction = p.traction - p.traction.dot(d) * d;
-    const Vector3<> missing = (carried_[at(k)] - traction) * yielding - slip;
-    const Vector3<> next = traction + missing / (compliance_[at(k)] + yielding);
-    const double size = next.norm();
-    return size > limit ? Vector3<>(next * (limit / size)) : next;
+    const Vector3<> without_slip = traction + (rub.mobility * rub.yielding) * (rub.carried - traction);
+    Vector3<> slip = displacement_.get(k) - rub.origin;
+    slip -= slip.dot(d) * d;
+    const Vector3<> next = without_slip - rub.mobility * slip;
+    const double square = next.squaredNorm();
+    return (square > rub.limit * rub.limit ? Vector3<>(next * (rub.limit / std::sqrt(square))) : next) - p.traction;
   }
 
   DryFriction friction_;
   double shear_ratio_;
   std::array<bool, max_tips> sliding_{};
   PlaceForces displacement_;
-  std::array<double, NearNodes::capacity> compliance_{};
-  std::array<Vector3<>, NearNodes::capacity> carried_{};
+  std::array<Rub, NearNodes::capacity> rub_{};
 };
 
 }  // namespace palpate::deformable

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/deformable/contact/force_prediction.hpp"
 #include "palpate/deformable/contact/near_compliance.hpp"
 #include "palpate/deformable/contact/patch_points.hpp"
 #include "palpate/deformable/contact/surface_nodes.hpp"
@@ -32,28 +33,25 @@ class NearNodes {
   struct Place {
     std::int32_t node = 0;
     int tip = 0;
-    bool rubs = false;                                                    // since the last tick at least: friction acts
-    bool barred = false;                                                  // not touched until the tip is clear of it
-    Vector3<> force = Vector3<>::Zero(), last_force = Vector3<>::Zero();  // of the tip on the node; that of the last tick, N
-    Vector3<> traction = Vector3<>::Zero();                               // friction on the node, across `direction`, N
-    Vector3<> last_traction = Vector3<>::Zero();                          // of the last tick, as far as the layer still carries it, N
-    Vector3<> last_relative = Vector3<>::Zero();                          // displacement less the tip's center at the last tick, m
-    Vector3<> free = Vector3<>::Zero();                                   // displacement at the end of the period without force, m
-    Vector3<> free_change = Vector3<>::Zero();                            // of `free` since the last period, m
-    Vector3<> last_way = Vector3<>::Zero();                               // way() of the last tick, m
-    Matrix3<> slope = Matrix3<>::Zero();                                  // estimated derivative of the force by way(), N/m
-    Vector3<> traction_before = Vector3<>::Zero();                        // of the last tick, N
-    Matrix3<> traction_slope = Matrix3<>::Zero();                         // estimated derivative of the traction by way(), N/m
-    double layer_energy = 0.0;                                            // of the points in contact, J
-    double last_stiffness = 0.0;                                          // of the points in contact in the last tick, N/m
-    Vector3<> change = Vector3<>::Zero();                                 // last change of the force, N
-    Vector3<> displacement = Vector3<>::Zero();                           // m
-    Vector3<> target = Vector3<>::Zero();                                 // resultant of the node's points, N
-    Vector3<> direction = Vector3<>::Zero();                              // of the target
-    double stiffness = 0.0;                                               // of the points in contact, N/m
-    double clear_until = 0.0;                                             // value of `travelled_` up to which the node is clear, m
-    double clearance = 0.0;                                               // when last evaluated, m
-    Vector3<> clear_at = Vector3<>::Zero();                               // position relative to the tip then, m
+    bool rubs = false;                            // since the last tick at least: friction acts
+    bool barred = false;                          // not touched until the tip is clear of it
+    Vector3<> force = Vector3<>::Zero();          // of the tip on the node, N
+    Vector3<> traction = Vector3<>::Zero();       // friction on the node, across `direction`, N
+    Vector3<> last_traction = Vector3<>::Zero();  // of the last tick, as far as the layer still carries it, N
+    Vector3<> last_relative = Vector3<>::Zero();  // displacement less the tip's center at the last tick, m
+    Vector3<> free = Vector3<>::Zero();           // displacement at the end of the period without force, m
+    Vector3<> free_change = Vector3<>::Zero();    // of `free` since the last period, m
+    ForcePrediction prediction;
+    double layer_energy = 0.0;                   // of the points in contact, J
+    double last_stiffness = 0.0;                 // of the points in contact in the last tick, N/m
+    Vector3<> change = Vector3<>::Zero();        // last change of the force, N
+    Vector3<> displacement = Vector3<>::Zero();  // m
+    Vector3<> target = Vector3<>::Zero();        // resultant of the node's points, N
+    Vector3<> direction = Vector3<>::Zero();     // of the target
+    double stiffness = 0.0;                      // of the points in contact, N/m
+    double clear_until = 0.0;                    // value of `travelled_` up to which the node is clear, m
+    double clearance = 0.0;                      // when last evaluated, m
+    Vector3<> clear_at = Vector3<>::Zero();      // position relative to the tip then, m
   };
 
   /// A tip and the points that it can press. Set by the contact before update().
@@ -229,7 +227,7 @@ class NearNodes {
 
   void engage(int k) noexcept {
     clear_forces(place(k));
-    place(k).last_way = way(place(k));
+    place(k).prediction.start(way(place(k)));
     swap(k, engaged_++);
   }
   void disengage(int k) noexcept {
@@ -279,12 +277,8 @@ class NearNodes {
 
   static void clear_forces(Place& p) noexcept {
     p.force.setZero();
-    p.slope.setZero();
-    p.last_force.setZero();
     p.change.setZero();
     p.traction.setZero();
-    p.traction_before.setZero();
-    p.traction_slope.setZero();
     p.last_traction.setZero();
     p.rubs = false;
   }

@@ -182,29 +182,18 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return tip.jump;
   }
 
-  /// Predict the forces by secant estimates of their derivatives with respect to the nodes' motion relative to the tips (Broyden 1965).
+  /// Predict the forces from the nodes' motion relative to the tips.
   void predict() noexcept {
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
-      const double least = 1e-3 * near_.tip_of(p).shape.radius;
-      const Vector3<> towards = p.last_way / (p.last_way.squaredNorm() + least * least), way = near_.way(p);
-      const Vector3<> change = predict(p.force, p.last_force, p.slope, p.last_way, towards, way);
-      if (change.squaredNorm() < p.force.squaredNorm()) p.force += change;
+      const auto change = p.prediction.step(p.force, p.traction, near_.way(p), 1e-3 * near_.tip_of(p).shape.radius);
+      if (change.force.squaredNorm() < p.force.squaredNorm()) p.force += change.force;
       if (friction_ && p.rubs) {
-        p.traction += predict(p.traction, p.traction_before, p.traction_slope, p.last_way, towards, way);
+        p.traction += change.traction;
         friction_.limit(p);
       }
-      p.last_way = way;
       near_.set_force(k);
     }
-  }
-
-  /// Update the estimated derivative of a force and the force of the last tick. Return the predicted change.
-  static Vector3<> predict(const Vector3<>& force, Vector3<>& last, Matrix3<>& slope, const Vector3<>& last_way, const Vector3<>& towards,
-                           const Vector3<>& way) noexcept {
-    slope += (force - last - slope * last_way) * towards.transpose();
-    last = force;
-    return slope * way;
   }
 
   /// Find the forces. Return whether they are acceptable.
@@ -251,7 +240,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   /// Evaluate the points of the engaged nodes and of the others that may have come near. Return the energy.
   double evaluate(bool thorough) noexcept {
     double energy = 0.0;
-    for (int k = 0; k < near_.engaged(); ++k) move_node(k);  // a loop of its own: the processor works on several nodes at once
+    if (!friction_ || iterations_ == 1)                        // afterwards friction has moved them
+      for (int k = 0; k < near_.engaged(); ++k) move_node(k);  // a loop of its own: the processor works on several nodes at once
     for (int k = near_.engaged() - 1; k >= 0; --k) {
       energy += press_node(k);
       const Place& p = near_.place(k);
@@ -362,6 +352,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       near_.release(t);
       if (near_.tip_count() == 1) tick_energy_ = 0.0;
     }
+    for (int k = 0; k < near_.engaged(); ++k) move_node(k);
     sum_forces();
   }
 
@@ -389,7 +380,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     double layers = 0.0;
     BodyMotion::Period period{.nodes = load_node_.data(), .forces = loads_.data()};
     for (int k = 0; k < near_.engaged(); ++k) {
-      move_node(k);
+      if (!friction_) move_node(k);
       Place& p = near_.place(k);
       const Vector3<> force = node_force(k);
       period.compliance_work += force.dot(p.displacement - p.free);

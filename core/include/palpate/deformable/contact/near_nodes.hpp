@@ -31,6 +31,7 @@ class NearNodes {
   static constexpr int capacity = PlaceForces::capacity;
 
   struct Place {
+    ForcePrediction prediction;  // aligned, therefore first
     std::int32_t node = 0;
     int tip = 0;
     bool rubs = false;                            // since the last tick at least: friction acts
@@ -41,17 +42,16 @@ class NearNodes {
     Vector3<> last_relative = Vector3<>::Zero();  // displacement less the tip's center at the last tick, m
     Vector3<> free = Vector3<>::Zero();           // displacement at the end of the period without force, m
     Vector3<> free_change = Vector3<>::Zero();    // of `free` since the last period, m
-    ForcePrediction prediction;
-    double layer_energy = 0.0;                   // of the points in contact, J
-    double last_stiffness = 0.0;                 // of the points in contact in the last tick, N/m
-    Vector3<> change = Vector3<>::Zero();        // last change of the force, N
-    Vector3<> displacement = Vector3<>::Zero();  // m
-    Vector3<> target = Vector3<>::Zero();        // resultant of the node's points, N
-    Vector3<> direction = Vector3<>::Zero();     // of the target
-    double stiffness = 0.0;                      // of the points in contact, N/m
-    double clear_until = 0.0;                    // value of `travelled_` up to which the node is clear, m
-    double clearance = 0.0;                      // when last evaluated, m
-    Vector3<> clear_at = Vector3<>::Zero();      // position relative to the tip then, m
+    double layer_energy = 0.0;                    // of the points in contact, J
+    double last_stiffness = 0.0;                  // of the points in contact in the last tick, N/m
+    Vector3<> change = Vector3<>::Zero();         // last change of the force, N
+    Vector3<> displacement = Vector3<>::Zero();   // m
+    Vector3<> target = Vector3<>::Zero();         // resultant of the node's points, N
+    Vector3<> direction = Vector3<>::Zero();      // of the target
+    double stiffness = 0.0;                       // of the points in contact, N/m
+    double clear_until = 0.0;                     // value of `travelled_` up to which the node is clear, m
+    double clearance = 0.0;                       // when last evaluated, m
+    Vector3<> clear_at = Vector3<>::Zero();       // position relative to the tip then, m
   };
 
   /// A tip and the points that it can press. Set by the contact before update().

@@ -443,7 +443,7 @@ class Body(IndentableBody):
         surface = {
             "node_points": np.ascontiguousarray(nodes, dtype=np.int32),
             "triangles": np.ascontiguousarray(triangles, dtype=np.int32),
-            "modulus": self._layer_moduli() / (1.0 - poisson**2),
+            "modulus": self._plane_strain_moduli(),
         }
         return volume, surface
 

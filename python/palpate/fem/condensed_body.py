@@ -353,9 +353,12 @@ class CondensedBody:
         used, faces = self._contact_surface
         node_of = np.full(len(self.points), -1, dtype=np.int32)
         node_of[self.contents.nodes] = np.arange(len(self.nodes), dtype=np.int32)
-        modulus = self._layer_moduli() / (1.0 - self._recorded("poisson") ** 2)
         triangles = np.ascontiguousarray(faces.reshape(-1, 3), dtype=np.int32)
-        return np.ascontiguousarray(self.points[used]), triangles, node_of[used], modulus
+        return np.ascontiguousarray(self.points[used]), triangles, node_of[used], self._plane_strain_moduli()
+
+    def _plane_strain_moduli(self) -> Array:
+        """Return E / (1 - nu^2) of the contact's layer under round tips and under flat ends (n, 2), Pa."""
+        return self._layer_moduli() / (1.0 - self._recorded("poisson") ** 2)
 
     def _layer_moduli(self) -> Array:
         """Return Young's modulus of the contact's layer under round tips and under flat ends (n, 2), Pa."""

@@ -69,14 +69,13 @@ class SupportField {
   /// proportion to the held nodes times the loads.
   void grasp(const BodyLoads& loads) noexcept {
     release();
-    const SupportedModes& modes = phase_->modes();
-    if (modes.size() > 0) modes.add_share(loads.modes, forces_);
+    phase_->modes().add_share(loads.modes, forces_);
     for (const NodeLoad& load : loads.nodes) {
       add_share(load.node, load.total(), forces_);
       if (law_.delayed_ratio > 0.0) add_share(load.node, load.delayed, excess_);
     }
     double both_work = 0.0, delayed_work = 0.0;
-    if (modes.size() > 0) held_work_ += modes.work(loads.modes, forces_);
+    held_work_ += phase_->modes().work(loads.modes, forces_);
     for (const NodeLoad& load : loads.nodes) {
       const Vector3<> u = of_supports(load.node, forces_);
       held_work_ += load.total().dot(u);
@@ -137,13 +136,12 @@ class SupportField {
       subtract_share(loads[k].node, loads[k].force, loads.data() + others, &NodeLoad::force);
       if (delta > 0.0) subtract_share(loads[k].node, loads[k].delayed, loads.data() + others, &NodeLoad::delayed);
     }
-    if (phase_->modes().size() > 0) phase_->modes().subtract_share(of_body.modes, loads.data() + others);
+    phase_->modes().subtract_share(of_body.modes, loads.data() + others);
   }
 
   /// Displacement of any node of the body under all its loads, m.
   [[nodiscard]] Vector3<> displacement_under(std::int32_t node, const BodyLoads& loads) const noexcept {
-    const Vector3<> u = displacement_under(node, loads.nodes);
-    return phase_->modes().size() > 0 ? Vector3<>(u + phase_->modes().displacement(node, loads.modes)) : u;
+    return displacement_under(node, loads.nodes) + phase_->modes().displacement(node, loads.modes);
   }
 
   /// Forces w of the supports, N.

@@ -36,7 +36,7 @@ class SupportPhase {
         [&](std::size_t r) { return min_pivot * entry(row_of(nodes_.held, r), row_of(nodes_.held, r)); });
     definite_ = capacitance.definite();
     if (!definite_) return;
-    if (surface_->modes() > 0) modes_ = SupportedModes(*surface_, nodes_, capacitance, remainder);
+    modes_ = SupportedModes(*surface_, nodes_, capacitance, remainder);
     update(capacitance);
   }
 

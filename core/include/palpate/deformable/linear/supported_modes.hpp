@@ -44,10 +44,12 @@ class SupportedModes {
     return {3 * held.size(), entry, [yielding](std::size_t /*row*/) { return 0.5 * yielding; }};
   }
 
-  /// `capacitance` is the factor of C_ss, which like `remainder` includes the compliance of the supports.
+  /// `capacitance` is the factor of C_ss, which like `remainder` includes the compliance of the supports. Without modes of the body every
+  /// share is zero.
   SupportedModes(const CondensedSurface& surface, const SupportNodes& nodes, const CholeskyFactor& capacitance,
                  const CholeskyFactor& remainder)
       : surface_(&surface), count_(surface.modes()), frequencies_(surface.frequencies) {
+    if (count_ == 0) return;
     for (std::size_t r = 0; r < 3 * nodes.held.size(); ++r) held_.push_back(row_of(nodes.held, r));
     const std::size_t n = held_.size(), m = count_;
     std::vector<double> soft(m);  // W^-2, s^2

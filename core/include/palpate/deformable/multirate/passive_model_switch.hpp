@@ -60,7 +60,7 @@ class BasicPassiveModelSwitch {
       result_ = b;
       tank_.empty = false;
     }
-    scale_ = 1.0;
+    force_scale_ = 1.0;
     if (!result_.solved) limit(tips, before.potential + before.level - tank_.level + 0.5 * supplied);
     tank_.potential = result_.energy;
     last_tips_ = tips;
@@ -86,8 +86,8 @@ class BasicPassiveModelSwitch {
   template <class Visit>
   void for_each_contact_node(Visit visit) const noexcept {
     const double s = tank_.blend;
-    ContactCursor one(slots_[static_cast<std::size_t>(previous_)], scale_ * (1.0 - s));
-    ContactCursor two(slots_[static_cast<std::size_t>(current_)], scale_ * s);
+    ContactCursor one(slots_[static_cast<std::size_t>(previous_)], force_scale_ * (1.0 - s));
+    ContactCursor two(slots_[static_cast<std::size_t>(current_)], force_scale_ * s);
     while (one || two) {
       const std::int32_t node = !two || (one && one.node() < two.node()) ? one.node() : two.node();
       double force = 0.0;
@@ -141,13 +141,13 @@ class BasicPassiveModelSwitch {
   void limit(const TipPair& tips, double available) noexcept {
     const double missing = result_.energy - 0.5 * work_to(tips);
     if (last_tips_.count == 0 || missing <= available) return;
-    scale_ = std::isfinite(missing) ? std::max(available, 0.0) / missing : 0.0;
+    force_scale_ = std::isfinite(missing) ? std::max(available, 0.0) / missing : 0.0;
     for (std::size_t t = 0; t < static_cast<std::size_t>(tips.count); ++t) {
       ContactResult& tip = result_.tip[t];
-      tip.force = scale_ > 0.0 ? Vector3<>(scale_ * tip.force) : Vector3<>::Zero();
-      tip.energy = scale_ > 0.0 ? scale_ * tip.energy : 0.0;
+      tip.force = force_scale_ > 0.0 ? Vector3<>(force_scale_ * tip.force) : Vector3<>::Zero();
+      tip.energy = force_scale_ > 0.0 ? force_scale_ * tip.energy : 0.0;
     }
-    result_.energy = scale_ > 0.0 ? scale_ * result_.energy : 0.0;
+    result_.energy = force_scale_ > 0.0 ? force_scale_ * result_.energy : 0.0;
   }
 
   [[nodiscard]] bool is_solved(int slot) const noexcept { return slots_[static_cast<std::size_t>(slot)].contact.last().solved; }
@@ -256,8 +256,8 @@ class BasicPassiveModelSwitch {
   int blend_ticks_ = 1;        // duration of the blend
   int models_since_contact_ = 0;
   MultiTipResult result_;
-  TipPair last_tips_;   // none before the first step
-  double scale_ = 1.0;  // of the forces of the last step
+  TipPair last_tips_;         // none before the first step
+  double force_scale_ = 1.0;  // of the forces of the last step
   EnergyTank tank_;
 };
 

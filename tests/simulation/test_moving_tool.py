@@ -110,7 +110,7 @@ def test_the_tips_of_a_moving_tool_have_the_forces_of_tips_that_move_alone(ridge
     alone = fem.load(ridge).signed_distance(static_friction=friction).simulate_tips(centers, [4e-3, 4e-3])
     for k in range(2):
         expected = -alone[k].force @ body_turn.T
-        same = 6e-4 if friction else 1e-6  # rounding of the places turns into iterations of slip
+        same = 2 * 3e-4 if friction else 1e-6  # rounding decides whether the sweeps of friction end, each within 3e-4
         np.testing.assert_allclose(trace[f"point{k + 1}_force"], expected, atol=same * np.abs(expected).max())
     total = trace["point1_force"] + trace["point2_force"]
     np.testing.assert_allclose(trace["object_force"], total, atol=1e-12)

@@ -48,12 +48,12 @@ def off(tables: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("options", [{}, {"static_friction": 0.5}])
 def test_a_device_beside_one_that_touches_nothing_runs_as_alone(block: Path, options: dict[str, Any]) -> None:
-    """With friction, to twice the tolerance at which a tick of a moving tip may end, 0.5 % of the largest value."""
+    """With friction each run is within 0.5 % of the largest value, where a tick of a moving tip may end."""
     own = device(block, 20.0, stiffness_scale=20.0, **options)
     alone = simulate(Scenario.from_dict(own))
     joint = simulate_together([own, off(device(block, 30.0, stiffness_scale=20.0, **options))])
     for channel in ("tip", "object_force", "command_force", "torque", "deflection"):
-        allowed = 1e-2 * np.abs(alone[channel]).max() if options else 5e-6
+        allowed = 2 * 5e-3 * np.abs(alone[channel]).max() if options else 5e-6
         np.testing.assert_allclose(joint.traces[0][channel], alone[channel], rtol=1e-5, atol=allowed)
     np.testing.assert_allclose(joint.traces[0]["tip"], alone["tip"], atol=1e-6)
     assert alone["touching"][-1, 0] > 0.0

@@ -191,6 +191,27 @@ TEST(SignedDistanceContact, OneIterationIsTypicalUnderEncoderCounts) {
   EXPECT_LT(more, 0.35 * ticks);
 }
 
+// Ticks of a tip that moves by up to 5 % of its radius evaluate only the nodes that the tip may have reached. The force of a body without
+// memory depends on the place alone.
+TEST(SignedDistanceContact, AFastTipHasTheForceOfATipAtRest) {
+  const SurfaceBody space = contact_bodies::half_space(24, 24e-3, 20e3);
+  const TipGeometry tip = TipGeometry::sphere(4e-3);
+  for (const double share : {0.01, 0.03, 0.049, 0.06}) {
+    SignedDistanceContact fast = contact_of(space), resting = contact_of(space);
+    const double step = share * tip.radius;
+    double largest = 0.0, error = 0.0;
+    for (int k = 0; k * step < 14e-3; ++k) {
+      const double way = k * step;
+      const Vector3<> at(-7e-3 + way, -2e-3 + 0.4 * way, tip.radius - 0.8e-3 * std::sin(M_PI * way / 14e-3));
+      const Vector3<> force = fast.step(tip, at).force;
+      ASSERT_TRUE(fast.last().solved) << share << " " << k;
+      largest = std::max(largest, press(resting, tip, at, at, 0).force.norm());
+      error = std::max(error, (force - resting.last().force).norm());
+    }
+    EXPECT_LT(error, 2e-3 * largest) << share;
+  }
+}
+
 TEST(SignedDistanceContact, DoesNotDependOnTheFrame) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3<>(0.3, -0.7, 0.4).normalized()).toRotationMatrix();
   const shapes::Shape ball = shapes::ball(3, 10e-3);

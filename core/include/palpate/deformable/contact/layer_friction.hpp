@@ -15,9 +15,9 @@ namespace palpate::deformable {
 /// stiffness is k = h 2 (1 - nu) / (2 - nu) (Mindlin 1949), with the stiffness h of the node's points in contact. The traction T of a node
 /// is perpendicular to its force F:
 ///   |T| <= mu |F|,   T = (traction that the layer still carries) - k (slip of the node relative to the tip) inside the cone.
-/// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node. Two blocks change at a time, so
-/// that the processor works on both; the sweeps converge as well, because the system of two nodes is positive definite. What they lack at
-/// the end of a tick is made up in the next.
+/// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node. In a tick with few sweeps two
+/// blocks change at a time, so that the processor works on both; the sweeps converge as well, because the system of two nodes is positive
+/// definite, but more slowly. What they lack at the end of a tick is made up in the next.
 ///
 /// The layer carries less than before where its stiffness has fallen, and no more where it has risen, so its energy T.T / (2 k) never
 /// grows without slip: friction only dissipates.
@@ -46,7 +46,7 @@ class LayerFriction {
   double sweep(NearNodes& near, int most = max_sweeps) noexcept {
     const int count = near.engaged();
     const double force = prepare(near);
-    const int half = count / 2;
+    const int half = most < max_sweeps ? count / 2 : 0;
     Vector3<> total = Vector3<>::Zero();
     for (int s = 0; s < most; ++s) {
       Vector3<> sum = Vector3<>::Zero();
@@ -55,7 +55,7 @@ class LayerFriction {
         sum += take_step(near, k, one);
         sum += take_step(near, k + half, other);
       }
-      if (count > 2 * half) sum += take_step(near, 2 * half, next_step(near, 2 * half));
+      for (int k = 2 * half; k < count; ++k) sum += take_step(near, k, next_step(near, k));
       total += sum;
       if (sum.norm() <= tolerance * force) break;
     }

@@ -157,7 +157,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
  private:
   static constexpr int far_interval = 4;           // ticks between evaluations of the motion of a node away from the tips
-  static constexpr double max_smooth_move = 0.02;  // of the radius per tick; beyond it every node near the tip is evaluated
+  static constexpr double max_smooth_move = 0.05;  // of the radius per tick; beyond it every node near the tip is evaluated
   static constexpr double acceptable = 20.0;       // times the tolerance: the next tick continues from there
   static constexpr double rubbing = 5.0;           // the same after one iteration of a tick that may be brief
   static constexpr double slipping = 50.0;         // and after two: a contact that begins to slip as a whole loses force in one tick

@@ -34,12 +34,15 @@ if(palpate_local_inlines)
   set(palpate_own_copy -fno-weak -fno-rtti -w)
 endif()
 
-# Hyperelastic solvers. -ffp-contract=fast: fused multiply-add speeds the solver up, and its results need not be the same bits on another
-# machine.
-set(palpate_hyperelastic_lanes ${CMAKE_CURRENT_LIST_DIR}/../core/src/hyperelastic_lanes.cpp)
+# Hyperelastic solvers, and the servo's contact with their local models. -ffp-contract=fast: fused multiply-add speeds the solver up, and
+# its results need not be the same bits on another machine.
+set(palpate_core_source ${CMAKE_CURRENT_LIST_DIR}/../core/src)
+set(palpate_hyperelastic_lanes ${palpate_core_source}/hyperelastic_lanes.cpp ${palpate_core_source}/local_contact_lanes.cpp)
 
 function(palpate_add_lanes target)
-  set_source_files_properties(${palpate_hyperelastic_lanes} PROPERTIES COMPILE_OPTIONS "-ffp-contract=fast;${palpate_own_copy}")
+  set_source_files_properties(${palpate_core_source}/hyperelastic_lanes.cpp PROPERTIES
+                              COMPILE_OPTIONS "-ffp-contract=fast;${palpate_own_copy}")
+  set_source_files_properties(${palpate_core_source}/local_contact_lanes.cpp PROPERTIES COMPILE_OPTIONS "${palpate_own_copy}")
   foreach(lanes IN ITEMS 2 ${palpate_wide})
     set(sources ${ARGN})
     if(lanes EQUAL 2 AND PALPATE_NATIVE_LANES AND palpate_wide)

@@ -90,6 +90,7 @@ class SolverOf final : public AnyQuasiStaticSolver {
             report.compliance.max_error};
   }
 
+  [[nodiscard]] AnyLocalContact make_contact() const override { return detail::make_contact<PALPATE_LANES>(); }
   void displacement(double* to) const override { solver_.displacement(to); }
   [[nodiscard]] Vector3<> normal_near(const Vector3<>& place) const override { return solver_.normal_near(place); }
   [[nodiscard]] double energy() override { return solver_.energy(); }

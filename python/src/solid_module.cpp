@@ -126,7 +126,7 @@ class Ways {
     return tips_;
   }
   /// Write the row of the last tick.
-  void write(const palpate::deformable::PassiveModelSwitch& servo, double* row) const {
+  void write(const palpate::deformable::MultirateCoupling<AnyQuasiStaticSolver>::Switch& servo, double* row) const {
     for (std::size_t t = 0; t < static_cast<std::size_t>(tips_.count); ++t, row += 10) {
       const palpate::deformable::ContactResult& a = servo.last().tip[t];
       Eigen::Map<palpate::math::Vector3<>>(row + 0) = a.force;

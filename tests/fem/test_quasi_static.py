@@ -349,7 +349,7 @@ def test_a_body_that_collapses_gives_bounded_forces_no_energy_and_comes_back() -
     np.testing.assert_allclose(again[:, 2], force[:700], atol=0.02 * force[:700].max())
 
 
-@pytest.mark.parametrize("source", ["hyperelastic_lanes.cpp", "body_lanes.cpp"])
+@pytest.mark.parametrize("source", ["hyperelastic_lanes.cpp", "local_contact_lanes.cpp", "body_lanes.cpp"])
 def test_wide_code_of_bodies_is_shared_with_nothing(source: str) -> None:
     """The same templates are compiled for several widths of registers: each file's copy is its own."""
     names = shutil.which("nm")

@@ -2,12 +2,15 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 
 #include "palpate/deformable/contact/surface_nodes.hpp"
 #include "palpate/deformable/hyperelastic/overstress.hpp"
 #include "palpate/deformable/hyperelastic/solver_options.hpp"
 #include "palpate/deformable/hyperelastic/tet_mesh.hpp"
 #include "palpate/deformable/multirate/local_model.hpp"
+#include "palpate/deformable/multirate/multi_tip_result.hpp"
+#include "palpate/math/vector.hpp"
 
 /// Hyperelastic models and solvers whose material and SIMD width are chosen at run time. The library palpate::hyperelastic defines the
 /// functions of this header: it contains a copy of the solver for each width.
@@ -44,15 +47,55 @@ struct ModelUpdateReport {
   double compliance_error = 0.0;   ///< estimated relative error of the worst compliance column, energy norm
 };
 
+/// A LocalModelContact compiled like the solver that made it: the contact of BasicPassiveModelSwitch with the solver's local models.
+class AnyLocalContact {
+ public:
+  using Model = LocalModel;
+
+  /// The functions of LocalModelContact.
+  class Interface {
+   public:
+    Interface() = default;
+    Interface(const Interface&) = delete;
+    Interface& operator=(const Interface&) = delete;
+    virtual ~Interface() = default;
+
+    virtual const MultiTipResult& solve(const LocalModel& model, const TipPair& tips, double compliance_scale) noexcept = 0;
+    /// `other` was made by the same solver.
+    virtual void start_from(const LocalModel& model, const Interface& other) noexcept = 0;
+    [[nodiscard]] virtual const MultiTipResult& last() const noexcept = 0;
+    [[nodiscard]] virtual const std::int32_t* contact_nodes() const noexcept = 0;
+    [[nodiscard]] virtual const double* forces() const noexcept = 0;
+    [[nodiscard]] virtual const Vector3<>& node_force(int k) const noexcept = 0;
+  };
+
+  explicit AnyLocalContact(std::unique_ptr<Interface> contact) : contact_(std::move(contact)) {}
+
+  const MultiTipResult& solve(const LocalModel& model, const TipPair& tips, double compliance_scale) noexcept {
+    return contact_->solve(model, tips, compliance_scale);
+  }
+  void start_from(const LocalModel& model, const AnyLocalContact& other) noexcept { contact_->start_from(model, *other.contact_); }
+  [[nodiscard]] const MultiTipResult& last() const noexcept { return contact_->last(); }
+  [[nodiscard]] const std::int32_t* contact_nodes() const noexcept { return contact_->contact_nodes(); }
+  [[nodiscard]] const double* forces() const noexcept { return contact_->forces(); }
+  [[nodiscard]] const Vector3<>& node_force(int k) const noexcept { return contact_->node_force(k); }
+
+ private:
+  std::unique_ptr<Interface> contact_;
+};
+
 /// A QuasiStaticSolver, for MultirateCoupling and object::MultirateObject.
 class AnyQuasiStaticSolver {
  public:
+  using Contact = AnyLocalContact;
+
   AnyQuasiStaticSolver() = default;
   AnyQuasiStaticSolver(const AnyQuasiStaticSolver&) = delete;
   AnyQuasiStaticSolver& operator=(const AnyQuasiStaticSolver&) = delete;
   virtual ~AnyQuasiStaticSolver() = default;
 
   virtual ModelUpdateReport step(const TipPair& tips, LocalModel& to) = 0;
+  [[nodiscard]] virtual AnyLocalContact make_contact() const = 0;
   /// Write the displacements of all points, 3 x point + axis, m.
   virtual void displacement(double* to) const = 0;
   /// Return the outward normal of the surface at the contact node that is nearest to a place [m].

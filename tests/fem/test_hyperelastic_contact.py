@@ -103,3 +103,25 @@ def test_finer_cells_change_the_force_by_less_than_a_tenth() -> None:
         body = pressed(block((0.04, 0.04, 0.02), 0.04 / cells), 0.45)
         forces.append(body.indent([0.02, 0.02, 0.02], 8e-3, 4e-3, outward=UP)[0][2])
     assert forces[0] == pytest.approx(forces[1], rel=0.1)
+
+
+@pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
+def test_a_tip_outside_of_an_open_contact_surface_feels_nothing(law: Law) -> None:
+    """Beside and below a block that is touched on its top, as on the same block that is touched all over.
+
+    The cone that continues a deep sphere widens without end, and contains the top of a tip that is lower.
+    """
+    volume = block((0.04, 0.04, 0.02), 5e-3)
+    bottom, top = half_space("z", "<", 1e-9), half_space("z", ">", 0.02 - 1e-9)
+    solid = QuasiStaticSolver(HyperelasticModel(volume, Material(10e3, 0.45), bottom, top, law=law))
+    for place in ([-7, 20, 10], [-6.5, 20, 10], [-8, 20, 4], [48, 20, 19], [20, 20, -8], [20, 20, -60]):
+        path = np.tile(1e-3 * np.array(place), (60, 1))
+        solid.reset()
+        felt = solid.simulate_path(path, 6e-3, outward=[0.0, 0.0, 1.0], every=5)
+        assert not felt.force.any(), place
+    down, beside = np.linspace(24.5e-3, 8e-3, 300), np.linspace(10e-3, -6.5e-3, 300)
+    path = np.concatenate([[[x, 0.02, 24.5e-3] for x in beside], [[-6.5e-3, 0.02, z] for z in down]])
+    solid.reset()
+    felt = solid.simulate_path(path, 6e-3, outward=[0.0, 0.0, 1.0], every=20)
+    assert np.linalg.norm(felt.force[:100, 0], axis=1).max() > 0.05
+    assert not felt.force[300:].any()

@@ -82,13 +82,15 @@ constexpr double cone_cosine = 0.2;
 template <class Scalar>
 [[nodiscard, gnu::always_inline]] inline auto may_be_in_sphere(const Tip& tip, const Vector3<Scalar>& y) noexcept {
   const Scalar square = detail::dot(y, y), height = detail::dot(y, detail::spread<Scalar>(tip.outward));
+  if (!tip.continued) return square < Scalar(tip.radius * tip.radius);
   const Scalar below = select(height < Scalar(0.0), height * height, Scalar(0.0));
   const Scalar least = select(below < Scalar(detail::cone_cosine * detail::cone_cosine) * square, Scalar(0.0), square);
   return least < Scalar(tip.radius * tip.radius);
 }
 
 /// Depth of a point in a sphere that its tangent cone at 78 degrees continues along `outward`: points above the center are pressed outward
-/// and in, never through the sphere. `y` is relative to the center.
+/// and in, never through the sphere. The cone widens without end, so that of a tip beside or below a surface contains it: a tip has a cone
+/// only while its sphere contains a point of the surface (Tip::continued). `y` is relative to the center.
 template <class Scalar>
 [[nodiscard, gnu::always_inline]] inline TipGeometry::Depth<Scalar> depth_in_sphere(const Tip& tip, const Vector3<Scalar>& y,
                                                                                     const Vector3<Scalar>& normal) noexcept {
@@ -99,6 +101,7 @@ template <class Scalar>
   const Scalar inverse = Scalar(1.0) / distance;
   const Vector3<Scalar> away = y * inverse;
   TipGeometry::Depth<Scalar> round{Scalar(tip.radius) - distance, away, (normal - dot(away, normal) * away) * inverse};
+  if (!tip.continued) return round;
   const auto in_cone = height > Scalar(-cosine) * distance;
   if (!any(in_cone)) return round;
   const Vector3<Scalar> aside = y - height * axis;

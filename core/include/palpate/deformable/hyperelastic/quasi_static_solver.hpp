@@ -117,6 +117,7 @@ class QuasiStaticSolver {
   /// Take one step with the tips at their present positions. Write the next local model to `to`.
   Report step(const TipPair& tips, LocalModel& to) {
     Report report;
+    tips_contact_.update_continued(tips, model_.displacement());
     tips_contact_.set_tips(tips);
     if (is_dynamic())
       advance(tips, report);
@@ -131,6 +132,7 @@ class QuasiStaticSolver {
     if (has_memory() && !is_dynamic()) state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement());
     const bool is_balanced = relative_residual() < max_unbalanced;
     if (!is_dynamic()) model_.begin_step(horizon());
+    next_.continued = tips_contact_.continued();
     next_.has_memory = has_memory();
     next_.returnable = std::max(state_energy_, 0.0);  // not below by rounding
     if (has_inverted() || !model_.is_bounded()) {
@@ -163,7 +165,7 @@ class QuasiStaticSolver {
     model_.reset();
     exact_tangent_ = true;
     columns_.select({});
-    tips_contact_.set_tips({});
+    tips_contact_.reset();
     last_tips_ = TipPair{};
     const long version = current_.version;  // each model has its own
     current_ = LocalModel{};

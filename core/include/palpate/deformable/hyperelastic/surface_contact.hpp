@@ -41,7 +41,26 @@ class SurfaceContact {
   }
   [[nodiscard]] const Vector3<>& normal(std::int32_t triangle) const noexcept { return normals_[at(triangle)]; }
 
-  void set_tips(const TipPair& tips) noexcept { tips_ = tips; }
+  void set_tips(const TipPair& tips) noexcept {
+    tips_ = tips;
+    for (std::size_t t = 0; t < TipPair::max_tips; ++t) tips_.tip[t].continued = continued_[t];
+  }
+  /// Whether a cone continues each sphere, see Tip.
+  [[nodiscard]] const std::array<bool, TipPair::max_tips>& continued() const noexcept { return continued_; }
+  /// Continue, from the next set_tips() on, the spheres of `tips` that contain a point of the surface at a displacement.
+  void update_continued(const TipPair& tips, const double* displacement) noexcept {
+    continued_.fill(false);
+    for (const LayeredSurface::Triangle& triangle : triangles_) {
+      std::array<Vector3<>, 3> corner;
+      for (std::size_t c = 0; c < 3; ++c) corner[c] = position(triangle.vertex[c], displacement);
+      for (std::size_t t = 0; t < at(tips.count); ++t) continued_[t] = continued_[t] || contains_point(tips.tip[t], triangle, corner);
+    }
+  }
+  /// Return to tips that press nothing.
+  void reset() noexcept {
+    continued_.fill(false);
+    tips_ = {};
+  }
 
   /// Displacement from the given one [m] at which linearize() takes forces and stiffness; entry 3 x free node + axis. Set to zero first.
   [[nodiscard]] std::vector<double>& ahead() noexcept { return ahead_; }
@@ -126,6 +145,20 @@ class SurfaceContact {
     return rest_[at(node)] + Eigen::Map<const Vector3<>>(displacement + 3 * at(node));
   }
 
+  /// Whether a sphere contains a point of a triangle.
+  [[nodiscard]] static bool contains_point(const Tip& tip, const LayeredSurface::Triangle& triangle,
+                                           const std::array<Vector3<>, 3>& corner) noexcept {
+    const double square = tip.radius * tip.radius;
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (!triangle.corner[c].exists()) continue;
+      for (const CornerPoint& q : corner_points) {
+        const Vector3<> x = q.own * corner[c] + q.next * corner[(c + 1) % 3] + q.last * corner[(c + 2) % 3];
+        if ((x - tip.center).squaredNorm() < square) return true;
+      }
+    }
+    return false;
+  }
+
   /// Call visit(Pressed) for the points in contact.
   template <class Visit>
   void for_each_contact(const double* displacement, const double* ahead, Visit visit) const noexcept {
@@ -181,6 +214,7 @@ class SurfaceContact {
   std::vector<double> ahead_;                           // m
   double force_norm_ = 0.0;                             // N
   TipPair tips_;
+  std::array<bool, TipPair::max_tips> continued_{};
 };
 
 }  // namespace palpate::deformable

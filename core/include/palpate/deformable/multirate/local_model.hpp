@@ -32,6 +32,7 @@ struct LocalModel {
   std::vector<double> compliance_matrix;                 ///< capacity x capacity, along the inward normals, m/N
   std::vector<detail::FloatLine> single;                 ///< same in single precision
   LocalTriangles triangles;                              ///< of the surface, by distance from the tips
+  std::array<bool, TipPair::max_tips> continued{};       ///< of each tip, see Tip
   bool inverted = false;                                 ///< whether the body has inverted tetrahedra since the state
   bool truncated = false;                                ///< whether the model lacks surface that bears force at the state
   bool has_memory = false;                               ///< whether the body may swing or recover when the tips have left

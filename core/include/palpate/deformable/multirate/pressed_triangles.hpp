@@ -37,11 +37,12 @@ class PressedTriangles {
     return node < 0 ? static_cast<std::size_t>(LocalModel::capacity) : static_cast<std::size_t>(node);
   }
 
-  /// Find the groups of triangles that the tips press at the displacements of the nodes. The model and the tips must live until the last
-  /// use of the result.
+  /// Find the groups of triangles that the tips press at the displacements of the nodes. The model must live until the last use of the
+  /// result.
   void press(const LocalModel& model, const TipPair& tips, const Displacements& displacement) noexcept {
     model_ = &model;
-    tips_ = &tips;
+    tips_ = tips;
+    for (std::size_t t = 0; t < TipPair::max_tips; ++t) tips_.tip[t].continued = model.continued[t];
     displacement_ = &displacement;
     count_ = 0;
     if (may_reach_others()) list_near();
@@ -99,7 +100,7 @@ class PressedTriangles {
 
   /// Whether triangles that are not listed may be in a tip by now. A point moves in a tip by no more than the tip and its nodes move.
   [[nodiscard]] bool may_reach_others() const noexcept {
-    if (listed_version_ != model_->version || listed_tips_.count != tips_->count) return true;
+    if (listed_version_ != model_->version || listed_tips_.count != tips_.count) return true;
     Scalar most(0.0);
     for (std::size_t i = 0; i < size(); i += lanes) {
       const Scalar d = *detail::as_packs(displacement_->data() + i) - *detail::as_packs(listed_displacement_.data() + i);
@@ -107,8 +108,8 @@ class PressedTriangles {
     }
     float square = 0.0F;
     for (std::size_t l = 0; l < lanes; ++l) square = std::max(square, most[l]);
-    for (std::size_t t = 0; t < at(tips_->count); ++t) {
-      const Tip &now = tips_->tip[t], &then = listed_tips_.tip[t];
+    for (std::size_t t = 0; t < at(tips_.count); ++t) {
+      const Tip &now = tips_.tip[t], &then = listed_tips_.tip[t];
       if (now.kind != then.kind || now.radius != then.radius || now.outward != then.outward) return true;
       if ((now.center - then.center).norm() + static_cast<double>(std::sqrt(square)) > list_margin * now.radius) return true;
     }
@@ -118,21 +119,21 @@ class PressedTriangles {
   /// List the triangles that are in a tip or near it.
   void list_near() noexcept {
     listed_version_ = model_->version;
-    listed_tips_ = *tips_;
+    listed_tips_ = tips_;
     listed_displacement_ = *displacement_;
     near_count_ = 0;
     std::array<PackVector, 3> corner, direction;
-    for (std::size_t t = 0; t < at(tips_->count); ++t)
+    for (std::size_t t = 0; t < at(tips_.count); ++t)
       for (std::size_t first = 0; first < model_->triangles.count(); first += lanes) {
-        place(tips_->tip[t], first, corner, direction);
-        if (within_reach(tips_->tip[t], corner, first, list_margin * tips_->tip[t].radius)) near_[near_count_++] = {first, t};
+        place(tips_.tip[t], first, corner, direction);
+        if (within_reach(tips_.tip[t], corner, first, list_margin * tips_.tip[t].radius)) near_[near_count_++] = {first, t};
       }
   }
 
   /// Press triangles side by side by tip `t`.
   void press(std::size_t t, std::size_t first) noexcept {
     const LocalTriangles& triangles = model_->triangles;
-    const Tip& tip = tips_->tip[t];
+    const Tip& tip = tips_.tip[t];
     std::array<PackVector, 3> corner, direction;
     place(tip, first, corner, direction);
     if (!within_reach(tip, corner, first, 0.0)) return;
@@ -206,11 +207,10 @@ class PressedTriangles {
   std::array<Group, max_groups> groups_;
   std::array<Near, max_groups> near_{};
   const LocalModel* model_ = nullptr;
-  const TipPair* tips_ = nullptr;
   const Displacements* displacement_ = nullptr;
   std::size_t count_ = 0, near_count_ = 0;
   long listed_version_ = -1;  // state of the list
-  TipPair listed_tips_;
+  TipPair tips_, listed_tips_;
 };
 
 }  // namespace palpate::deformable

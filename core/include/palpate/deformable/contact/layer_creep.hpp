@@ -15,7 +15,7 @@ namespace palpate::deformable {
 /// Creep of the contact's layer at each point, on a body of a standard linear solid. A point of stiffness k under a force f is compressed
 /// by
 ///   period_ratio f / k + decay e   at the end of a period,   e' = decay e + gain f / k,
-/// the law of the body itself (Creep). A point out of contact forgets its e as time passes.
+/// the law of the body itself (Creep). A point out of contact forgets its e as time passes, and the energy of all points falls with it.
 class LayerCreep {
  public:
   LayerCreep() = default;
@@ -43,7 +43,15 @@ class LayerCreep {
     return static_cast<float>(creep_.delayed_ratio > 0.0 ? creep_.period_ratio / creep_.delayed_ratio : 0.0);
   }
 
-  void begin_period() noexcept { ++now_; }
+  /// Energy of the delayed compression of all points, J.
+  [[nodiscard]] double delayed_energy() const noexcept { return std::max(energy_, 0.0); }
+  /// Add the change by a period's forces to it.
+  void add_energy(double change) noexcept { energy_ += change; }
+
+  void begin_period() noexcept {
+    ++now_;
+    energy_ *= creep_.decay * creep_.decay;
+  }
   /// Mark a node's state as that of this period's end.
   void mark(std::int32_t node) noexcept { time_[static_cast<std::size_t>(node)] = now_; }
 
@@ -52,9 +60,13 @@ class LayerCreep {
   void take_over(const LayerCreep& before, const PatchPoints& points, const PatchPoints& points_before, NodeAfter node_after) noexcept {
     if (!active()) return;
     now_ = before.now_;
+    energy_ = before.energy_;
     for (std::int32_t i = 0; i < points_before.size(); ++i) {
       const std::int32_t node = node_after(i);
-      if (node < 0) continue;
+      if (node < 0) {
+        energy_ -= before.energy_of(i, points_before);
+        continue;
+      }
       const float* from = before.state();
       std::copy(from + points_before.begin(i), from + points_before.end(i), state() + points.begin(node));
       time_[static_cast<std::size_t>(node)] = before.time_[static_cast<std::size_t>(i)];
@@ -65,13 +77,25 @@ class LayerCreep {
     state_.assign(state_.size(), detail::FloatLine());
     time_.assign(time_.size(), 0);
     now_ = 0;
+    energy_ = 0.0;
   }
 
  private:
+  /// Part of a node's points in delayed_energy(), J.
+  [[nodiscard]] double energy_of(std::int32_t node, const PatchPoints& points) const noexcept {
+    const float* const stiffness = points.coordinate(6);
+    const double left = std::pow(creep_.decay, static_cast<double>(now_ - time_[static_cast<std::size_t>(node)]));
+    double sum = 0.0;
+    for (std::size_t q = points.begin(node); q < points.end(node); ++q)
+      sum += static_cast<double>(stiffness[q]) * static_cast<double>(state()[q]) * static_cast<double>(state()[q]);
+    return 0.5 * static_cast<double>(delayed()) * left * left * sum;
+  }
+
   Creep creep_;
   std::vector<detail::FloatLine> state_;
   std::vector<std::int64_t> time_;  // by node: period of its state
   std::int64_t now_ = 0;
+  double energy_ = 0.0;  // J
 };
 
 }  // namespace palpate::deformable

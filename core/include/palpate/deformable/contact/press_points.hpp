@@ -19,14 +19,15 @@ struct PressedPoints {
 };
 
 /// Press the points of a place's node at `at` relative to the tip [m]: add to the place's target and stiffness. With `settle` record the
-/// creep of the layer at the end of the period instead; the energy is the one stored then. `layer` is null without creep.
+/// creep of the layer at the end of the period instead; the energy is the one stored then, without LayerCreep::delayed_energy(). `layer` is
+/// null without creep.
 template <bool settle>
 PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer) noexcept {
   using Scalar = detail::FloatPack;
   const PatchPoints& points = *tip.points;
   const auto load = [&points](std::size_t number, std::size_t q) { return *detail::as_packs(points.coordinate(number) + q); };
   Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
-  Scalar stiffness(0.0), energy(0.0), deepest(-std::numeric_limits<float>::max());
+  Scalar stiffness(0.0), energy(0.0), delayed(0.0), deepest(-std::numeric_limits<float>::max());
   const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(p.node)) : 0.0);
   for (std::size_t q = points.begin(p.node); q < points.end(p.node); q += detail::float_lanes) {
     const Vector3<Scalar> y(load(0, q) + Scalar(at[0]), load(1, q) + Scalar(at[1]), load(2, q) + Scalar(at[2]));
@@ -45,10 +46,10 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
     const Scalar x = min_of(max_of(Scalar(1.0) - Scalar(2.0) * facing, Scalar(0.0)), Scalar(1.0));
     const Scalar weight = x * x * (Scalar(3.0) - Scalar(2.0) * x), pressed = load(6, q) * weight;
     if constexpr (settle) {
-      crept += Scalar(static_cast<double>(layer->gain())) * depth * select(weight > Scalar(0.0), Scalar(1.0), Scalar(0.0));
-      *detail::as_packs(layer->state() + q) = crept;
-      energy += load(6, q) * (weight * Scalar(static_cast<double>(layer->series())) * depth * depth +
-                              Scalar(static_cast<double>(layer->delayed())) * crept * crept);
+      const Scalar more = Scalar(static_cast<double>(layer->gain())) * depth * select(weight > Scalar(0.0), Scalar(1.0), Scalar(0.0));
+      *detail::as_packs(layer->state() + q) = crept + more;
+      energy += load(6, q) * (weight * Scalar(static_cast<double>(layer->series())) * depth * depth);
+      delayed += load(6, q) * (more * (crept + (crept + more)));
       continue;
     }
     const Scalar turned = load(6, q) * (Scalar(6.0) * x * (Scalar(1.0) - x)) * depth * depth;
@@ -59,7 +60,9 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
   }
   const PressedPoints all{.energy = 0.5 * static_cast<double>(detail::sum_of(energy)),
                           .clearance = -static_cast<double>(detail::largest_of(deepest))};
-  if constexpr (!settle) {
+  if constexpr (settle) {
+    layer->add_energy(0.5 * static_cast<double>(layer->delayed()) * static_cast<double>(detail::sum_of(delayed)));
+  } else {
     const auto sums = detail::sums_of(force[0], force[1], force[2], stiffness);
     p.target += Vector3<>(sums[0], sums[1], sums[2]);
     p.stiffness += static_cast<double>(sums[3]);

@@ -388,6 +388,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       settle_layer(p);
       layers += p.layer_energy + friction_.energy(p);
     }
+    for (const LayerCreep& layer : layers_) layers += layer.delayed_energy();
     if (friction_) friction_.finish(near_);
     stored_energy_ = layers + 0.5 * period.compliance_work + held_energy();
     if (!motion_) return;

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 
-from palpate.arrays import Array
 from palpate.scenario import Scenario
 from palpate.scenario.body import LARGE
-from palpate.simulation.decision import band_of
+from palpate.simulation.decision import MOST_CONTACTS, band_of
 from palpate.simulation.energy_balance import own_motions
 from palpate.simulation.evidence import evidence
 from palpate.simulation.friction_hold import friction_of
@@ -23,7 +23,7 @@ FAR: Final = 1.0  # m
 SHIFTS: Final = 0.1  # of the band of rest: way on that is stated
 SLIDES: Final = 1.0 / (5 * LATER)  # of the band, in a fifth: a steady shift that leaves it within `LATER` durations
 
-__all__ = ["LATER", "durations_on", "moves_on", "resting_window", "way_on"]
+__all__ = ["LATER", "durations_on", "later_motion", "moves_on", "resting_window"]
 
 
 def durations_on(scenario: Scenario) -> int:
@@ -35,25 +35,41 @@ def durations_on(scenario: Scenario) -> int:
 def moves_on(trace: Recorded) -> str | None:
     """Return by how much a tip moves on after its run; None if by little, or if the run did not go on."""
     continued = trace.metadata.get("continued")
-    if continued is None or continued["moved_m"] <= SHIFTS * continued.get("band_m", np.inf):
+    if continued is None:
+        return None
+    more = f"in {continued['durations']} more durations of the run"
+    if _bounces(continued):
+        return f"the tip bounces {more}"
+    if _swings(continued):
+        return f"the tip oscillates by {1e3 * continued['swing_m']:.2g} mm {more}"
+    if continued["moved_m"] <= SHIFTS * continued.get("band_m", np.inf):
         return None
     far = "without limit" if continued["moved_m"] > FAR else f"by {1e3 * continued['moved_m']:.2g} mm"
-    return f"the tip moves on {far} in {continued['durations']} more durations of the run"
+    return f"the tip moves on {far} {more}"
+
+
+def _swings(continued: Mapping[str, Any]) -> bool:
+    return bool(continued.get("swing_m", 0.0) > continued.get("band_m", np.inf))
+
+
+def _bounces(continued: Mapping[str, Any]) -> bool:
+    return bool(continued.get("contacts", 0) > MOST_CONTACTS)
 
 
 def resting_window(trace: Recorded) -> tuple[Window, float] | None:
     """Return the window in which a tip rests that may move on, and its band, m.
 
-    It may behind a guard, on a mesh or body with dry friction under encoder counts, and on one without friction if its
-    mean position still shifts. The tip rests if its motion is within the band. None if it does not, if objects, tools
-    or supports of the scenario change by themselves, or if the drive comes to its limits.
+    It may behind a guard, on a mesh or body with dry friction, and on one without friction if its mean position still
+    shifts. The tip rests if its motion is within the band; with dry friction without encoder counts, also if it
+    decays. None if it does not, if objects, tools or supports of the scenario change by themselves, or if the drive
+    comes to its limits.
     """
     scenario = recorded_scenario(trace)
     if scenario is None or scenario.operator.kind == "fixed":
         return None
     rough = friction_of(scenario) > 0.0
     smooth = not rough and any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values())
-    if not smooth and not (rough and scenario.device.encoder) and scenario.guard.kind == "none":
+    if not smooth and not rough and scenario.guard.kind == "none":
         return None
     if trace.unstable_from is not None or len(trace.time) < 2:
         return None
@@ -63,7 +79,8 @@ def resting_window(trace: Recorded) -> tuple[Window, float] | None:
         return None
     found = evidence(trace, scenario, window, None)
     band = float(band_of(found)[0])
-    if not found.touching[0] > 0.0 or not found.ripple[0] <= band:
+    decays = rough and not scenario.device.encoder and bool(found.late[0] < found.prior[0])
+    if not found.touching[0] > 0.0 or not (found.ripple[0] <= band or decays):
         return None
     if smooth and scenario.guard.kind == "none" and not _shift(trace, window) > SLIDES * band:
         return None
@@ -77,18 +94,30 @@ def _shift(trace: Recorded, window: Window) -> float:
     return float(np.linalg.norm(tip[ending].mean(axis=0) - before.mean(axis=0))) if len(before) else 0.0
 
 
-def way_on(tip: Array, window: Window) -> float:
-    """Return how far a tip moves on after a window, m.
+def later_motion(trace: Recorded, window: Window, band: float) -> dict[str, Any]:
+    """Return how a tip moves after a window, in stretches as long as the last fifth of the window.
 
-    It is the largest distance of its mean in a stretch as long as the last fifth of the window from the mean in that
-    fifth. The mean hides the oscillation within the counts.
+    `moved_m` is the largest distance of its mean in a stretch from the mean in that fifth: the mean hides the
+    oscillation within the counts. In the second half of the stretches, `swing_m` is the largest half range along an
+    axis, and `contacts` is the largest number of contacts that begin. `onward_m` is how far the tip leaves its rest: by
+    its mean, by an oscillation beyond the band, or, where it bounces, at least by the band.
 
     Args:
-        tip: positions (n, 3) of the continued run from its start, m.
+        trace: the continued run from its start.
         window: of the run.
+        band: within which the tip rests, m.
     """
-    ending = window.ending
+    tip, ending = held_tip(trace), window.ending
     size = ending.stop - ending.start
     count = (len(tip) - ending.stop) // size
-    means = tip[ending.stop : ending.stop + count * size].reshape(count, size, 3).mean(axis=1)
-    return float(np.linalg.norm(means - tip[ending].mean(axis=0), axis=1).max(initial=0.0))
+    stretches = tip[ending.stop : ending.stop + count * size].reshape(count, size, 3)
+    moved = np.linalg.norm(stretches.mean(axis=1) - tip[ending].mean(axis=0), axis=1).max(initial=0.0)
+    touching = np.asarray(trace["touching"][ending.stop : ending.stop + count * size, 0] > 0.0).reshape(count, size)
+    begun = (touching[:, 1:] & ~touching[:, :-1]).sum(axis=1)
+    swing = 0.5 * np.ptp(stretches, axis=1).max(axis=1, initial=0.0)
+    later = slice(count // 2, None)
+    found = {"swing_m": float(swing[later].max(initial=0.0)), "contacts": int(begun[later].max(initial=0))}
+    onward = max(float(moved), found["swing_m"] if found["swing_m"] > band else 0.0)
+    if _bounces(found):
+        onward = max(onward, band)
+    return {"moved_m": float(moved), "band_m": band, "onward_m": onward, **found}

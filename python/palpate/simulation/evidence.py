@@ -155,7 +155,8 @@ def _known(trace: Recorded, scenario: Scenario, window: Window, deflection: Arra
 def _friction(trace: Recorded, scenario: Scenario, ending: slice) -> dict[str, float]:
     """Return the evidence about the friction of a run's contact."""
     hold = friction_hold(trace, scenario, ending)
-    onward = float(trace.metadata.get("continued", {}).get("moved_m", np.nan))
+    continued = trace.metadata.get("continued", {})
+    onward = float(continued.get("onward_m", continued.get("moved_m", np.nan)))
     return {"onward": onward} if hold is None else {**asdict(hold), "onward": onward}
 
 

@@ -292,7 +292,8 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
     tip = "a tip of the tool" if of_each_object(trace, "point1_force") else "the tip"
     if (pushed := pushed_through(trace)) is not None:
         if pushed == 0.0:
-            return pushed, f"{tip} starts inside the body, where it has no contact: check object.position"
+            where = "inside the body or behind its contact surface, where it has no contact"
+            return pushed, f"{tip} starts {where}: check object.position"
         return pushed, f"{tip} is pushed through the body at t = {pushed:.4g} s, and in it without contact at the end"
     touching = np.flatnonzero(trace["touching"][:, 0])
     if not len(touching):
@@ -362,7 +363,7 @@ def _undecided(trace: Recorded, e: Evidence, swing: str) -> str:
         return f"its mean position still shifts, and {left} may be left: give a longer run.duration"
     if e.ripple[0] <= band and int(e.linear[0]) <= 0 and bool(chatters(e)[0]):
         return f"it oscillates by {swing}, within two encoder counts, in which a growing oscillation begins as well"
-    if e.ripple[0] <= band and bool(slips(e)[0]) and not np.isnan(e.onward[0]):
+    if bool(slips(e)[0]) and not np.isnan(e.onward[0]):
         return moves_on(trace) or "the tip moves on after the run"
     if e.ripple[0] <= band and bool(slips(e)[0]):
         return f"it oscillates by {swing}, within two encoder counts, in which a contact with friction may slip on"

@@ -21,14 +21,13 @@ from palpate.errors import DesignError, ScenarioError
 from palpate.linear.linearization import static_tip_force
 from palpate.scenario import Object, Scenario
 from palpate.scenario.tool import Tool
-from palpate.simulation.continuation import durations_on, resting_window, way_on
+from palpate.simulation.continuation import durations_on, later_motion, resting_window
 from palpate.simulation.controllers import build_law, read_scenario, written_out
 from palpate.simulation.force_objects import with_law
 from palpate.simulation.guards import guard_numbers, set_guard
 from palpate.simulation.meshes import sensed_tip
 from palpate.simulation.placed_objects import PlacedObject, object_channels, place_objects
 from palpate.simulation.plants import check_mode, sampled_plant
-from palpate.simulation.recorded import held_tip
 from palpate.simulation.trace import Trace
 from palpate.simulation.user_object import PythonObject, as_object
 
@@ -170,8 +169,11 @@ class Simulation:
             rows, unstable_tick = longer.run()
         finally:
             _limit(self.setup, self.device, self.scenario.device.saturation)
-        moved = way_on(held_tip(longer.trace(rows, unstable_tick)), window) if unstable_tick < 0 else BEYOND
-        found = {"durations": durations, "duration_s": more * self.scenario.period, "moved_m": moved, "band_m": band}
+        if unstable_tick < 0:
+            moved = later_motion(longer.trace(rows, unstable_tick), window, band)
+        else:
+            moved = {"moved_m": BEYOND, "band_m": band, "onward_m": BEYOND}
+        found = {"durations": durations, "duration_s": more * self.scenario.period, **moved}
         return replace(trace, metadata={**trace.metadata, "continued": found})
 
     def run(self) -> tuple[Array, int]:

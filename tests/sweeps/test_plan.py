@@ -66,6 +66,29 @@ def test_a_chunk_has_the_power_of_two_of_cells_that_is_nearest_to_five_million_t
     assert (lasting(seconds, 5, 3).shape, lasting(seconds, 5, 3).count) == ((5, 3), 15)
 
 
+@pytest.mark.parametrize(("seconds", "chunk"), [(0.02, 64), (0.6, 32), (2.0, 8), (60.0, 1)])
+def test_a_chunk_of_cells_that_run_one_at_a_time_takes_seconds(seconds: float, chunk: int) -> None:
+    """Else an interrupted sweep of bodies would begin again, and executors would share one chunk."""
+    body = {"shape": "block", "size": ["20 mm"] * 2 + ["10 mm"], "spacing": "5 mm", "young": "10 kPa", "radius": "4 mm"}
+    tables = {**SLIDER, "object": {"kind": "body", "body": body}, "run": {"duration": f"{seconds} s"}}
+    assert plan_of(tables, {"operator.stiffness": list(np.linspace(10.0, 90.0, 65))}).chunk == chunk
+
+
+def test_an_axis_is_checked_with_the_first_values_of_the_others() -> None:
+    """The friction coefficients of a body need each other, and so do its kind and the keys of that kind."""
+    body = {"shape": "block", "size": ["20 mm"] * 2 + ["10 mm"], "spacing": "5 mm", "young": "10 kPa", "radius": "4 mm"}
+    place = {"kind": "body", "position": ["-4.1 mm", "0 mm", "0 mm"], "body": body}
+    tables = {**SLIDER, "object": place}
+    rough = {"object.body.static_friction": [0.3, 0.5], "object.body.dynamic_friction": [0.1, 0.2]}
+    plan_of(tables, rough).check()
+    solid = {"object.body.kind": ["viscoelastic"], "object.body.instantaneous_ratio": [2.0, 3.0],
+             "object.body.retardation_time": ["0.1 s"]}  # fmt: skip
+    assert sweep(tables, solid).shape == (1, 2, 1)
+    wrong = {"object.body.static_friction": [0.3, 0.5], "object.body.dynamic_friction": [0.1, 0.4]}
+    with pytest.raises(ScenarioError, match="dynamic_friction"):
+        plan_of(tables, wrong).check()
+
+
 def test_the_text_of_a_plan_is_the_plan() -> None:
     found = plan_of(SLIDER, OVER, random={"operator.mass": "0.05 kg..0.3 kg"}, draws=4, seed=7, design="once")
     assert json.loads(found.text()) == {

@@ -34,8 +34,9 @@ from palpate.sweeps.judged_rows import judge_rows, linear_radii
 __all__ = ["Design", "Plan"]
 
 Design = Literal["cell", "once"]
-TICKS_A_CHUNK = 5e6  # about 0.3 s of one core
+TICKS_A_CHUNK = 5e6  # of a batch: about 0.3 s of one core
 CHUNK_LIMITS = (64, 16384)  # cells
+TICKS_SINGLY = 2e4  # of cells that run one at a time: seconds, as they may also go on for twelve durations
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,9 @@ class Plan:
     def chunk(self) -> int:
         """Number of cells that are run and stored together."""
         scenario = Scenario.from_dict(self.tables)
-        cells = TICKS_A_CHUNK / (scenario.run.duration / scenario.period)
-        low, high = CHUNK_LIMITS
+        together = _runs_as_batch(self.tables, self.axes)
+        cells = (TICKS_A_CHUNK if together else TICKS_SINGLY) / (scenario.run.duration / scenario.period)
+        low, high = CHUNK_LIMITS if together else (1, CHUNK_LIMITS[0])
         return int(np.clip(2 ** round(np.log2(cells)), low, high))
 
     @property
@@ -124,6 +126,8 @@ class Plan:
     def check(self, scenario: Scenario | None = None) -> None:
         """Build the scenario at the ends of every axis and range, to find mistakes before the run.
 
+        The other axes have their first values then: one key may need another.
+
         Args:
             scenario: the one of `tables` as it was read; its file and lines appear in messages.
 
@@ -132,13 +136,16 @@ class Plan:
             SweepError: the batch cannot run it.
         """
         excited(_check(self.tables if scenario is None else scenario))
-        for axis in self.axes:
+        for number, axis in enumerate(self.axes):
+            tables = self.tables
+            for other in (*self.axes[:number], *self.axes[number + 1 :]):
+                tables = with_value(tables, other, 0)
             if axis.key in COLUMNS:
                 ends = {int(np.argmin(axis.values)), int(np.argmax(axis.values))}
             else:
                 ends = set(range(len(axis)))
             for index in sorted(ends):
-                _check_value(self.tables, axis, index)
+                _check_value(tables, axis, index)
         for path, limits in self.random.items():
             axis = Axis(path, COLUMNS[key_of(path)][1], limits)
             for index in (0, 1):

@@ -95,6 +95,13 @@ def test_contradicting_choices_of_the_spacing_are_refused() -> None:
         bodies.build(**given, tip_radius="8 mm", spacing="5 mm")
 
 
+def test_a_volume_keeps_its_tetrahedra_and_refuses_another_spacing() -> None:
+    """They were ignored."""
+    for name, value in (("spacing", "5 mm"), ("tip_radius", "8 mm"), ("unit", "mm")):
+        with pytest.raises(BodyError, match=f"{name}: the source is a Volume"):
+            bodies.build(block(0.02, 0.01), young=5e3, fixed="z < 1 mm", **{name: value})  # type: ignore[arg-type]
+
+
 def test_a_press_on_few_nodes_states_its_error() -> None:
     body = bodies.build(block((0.04, 0.04, 0.02), 0.01), young=5e3, fixed="z < 0.1 mm")
     with pytest.warns(BodyWarning, match=r"only 1 of the body's nodes is in contact.*error up to 180 %"):
@@ -125,7 +132,7 @@ def test_the_error_of_a_tip_between_the_nodes_is_not_known() -> None:
 def test_a_tip_beside_the_nodes_has_no_sideways_force(small: str) -> None:
     """A sphere beside a node of a body under large displacements would rest on the node's side."""
     solid = QuasiStaticSolver(HyperelasticModel(TIPS, Material(8e3, 0.4), "z < 0.1 mm", "z > 19.9 mm"))
-    with pytest.raises(BodyError, match="lies beside them, and its force points sideways: use a mesh"):
+    with pytest.raises(BodyError, match="use a smaller depth or a larger tip"):
         solid.indent([0.015, 0.015, 0.02], small, "1 mm", outward=[0, 0, 1])
     with pytest.warns(BodyWarning, match="no node is in contact"):
         force, _ = solid.indent([0.0175, 0.0175, 0.02], small, "0.1 mm", outward=[0, 0, 1])

@@ -192,7 +192,7 @@ REFUSED: list[tuple[Callable[..., dict[str, Any]], dict[str, Any], str]] = [
      'object.body.supports: it changes nothing; write for example held = ["x < 10 mm"], or held = [] '
      "to release"),
     (tables, {"object": body(supports=[{"held": []}])},
-     "object.body.supports.at is missing"),
+     'object.body.supports.at is missing; write for example at = "1 s"'),
     (tables, {"object": body(supports=[{"at": "1 s", "held": []}, {"at": "1 s", "held": "x < 1 mm"}])},
      "object.body.supports: the times must increase, and 1 s follows 1 s"),
     (tables, {"object": body(supports=[{"at": "1 s", "held": []}, {"at": "2 s", "touchable": "x < 1 mm"},

@@ -81,7 +81,7 @@ def build(
         touch: region of the contact surface; None for the whole surface.
         unit: of the coordinates in a file; required for a file.
         spacing: mean edge of the tetrahedra in a filled surface, m or text; None for a fifteenth of its extent, or
-            half the thickness of a thin body, with at most 40,000 nodes.
+            half the thickness of a thin body, with at most 40,000 nodes. Tetrahedra have their own edges.
         tip_radius: of a sphere, m or text, for which the spacing is chosen in place of `spacing`; see `spacing_for`.
         depth: of its presses, m or text; None for a quarter of its radius.
         accuracy: of its force, such as "5%" (default).
@@ -101,10 +101,13 @@ def build(
     check_files(source, unit, output)
     check_order(order)
     check_mesher(mesher)
+    chosen = {"unit": unit, "spacing": spacing, "tip_radius": tip_radius, "accuracy": accuracy, "growth": growth}
     modes = whole(modes, "modes", 0)
     positive(memory, "byte", "memory")
     growth = _chosen_growth(growth, tip_radius, touch, mesher)
     spacing = _chosen_spacing(spacing, tip_radius, depth, accuracy)
+    if isinstance(source, Volume):
+        _refuse_choice([name for name, value in chosen.items() if value is not None])
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, surface_layer)
     dirichlet = dirichlet_regions(fixed)
@@ -131,6 +134,12 @@ def check_files(source: object, unit: str | None, output: str | Path | None) -> 
     _check_source(source, unit)
     if output is not None:
         check_target(output)
+
+
+def _refuse_choice(names: list[str]) -> None:
+    """Raise BodyError if options of a surface or file are given for tetrahedra."""
+    if names:
+        raise BodyError(f"{names[0]}: the source is a Volume, whose tetrahedra have their size, in m; leave it out")
 
 
 def dirichlet_regions(fixed: str | Selector | Sequence[str | Selector]) -> list[Selector]:

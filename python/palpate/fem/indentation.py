@@ -510,8 +510,12 @@ def _warn_of_unsolved(rows: Array) -> None:
 def _warn_of_start(lost: Array) -> None:
     """Warn if a tip of a signed-distance body is lost at the begin of its path: `lost` (tips,) is above 0."""
     if (lost > 0.0).any():
-        inside = "path: a tip starts inside the body, where it has no contact by signed distance until it has come out"
-        warnings.warn(inside, BodyWarning, stacklevel=4)
+        inside = "a tip starts inside the body or behind its contact surface"
+        warnings.warn(
+            f"path: {inside}, where it has no contact by signed distance until it has come out",
+            BodyWarning,
+            stacklevel=4,
+        )
 
 
 def check_found(solved: Array) -> None:

@@ -204,7 +204,7 @@ def _model_at(scenario: type[BaseModel], field: Sequence[str | int]) -> type[Bas
     model: type[BaseModel] | None = scenario
     named = False  # whether the part is the name of one of several tables
     for part in field:
-        if named:
+        if named or isinstance(part, int):  # of a list
             named = False
             continue
         info = None if model is None else model.model_fields.get(str(part))

@@ -79,6 +79,9 @@ def test_a_tip_that_oscillates_beyond_its_band_or_bounces_later_leaves_its_rest(
     bounces = later_motion({"tip": tip, "touching": touching}, window, 70e-6)  # type: ignore[arg-type]
     assert (bounces["contacts"], bounces["onward_m"]) == (5, 70e-6)
     touching[:] = 1.0
+    touching[122:140:8] = touching[142:160:8] = 0.0
+    assert later_motion({"tip": tip, "touching": touching}, window, 70e-6)["contacts"] == 6  # type: ignore[arg-type]
+    touching[:] = 1.0
     touching[105:120:4] = 0.0
     assert later_motion({"tip": tip, "touching": touching}, window, 70e-6)["onward_m"] == 0.0  # type: ignore[arg-type]
 

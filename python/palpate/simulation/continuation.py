@@ -99,8 +99,8 @@ def later_motion(trace: Recorded, window: Window, band: float) -> dict[str, Any]
 
     `moved_m` is the largest distance of its mean in a stretch from the mean in that fifth: the mean hides the
     oscillation within the counts. In the second half of the stretches, `swing_m` is the largest half range along an
-    axis, and `contacts` is the largest number of contacts that begin. `onward_m` is how far the tip leaves its rest: by
-    its mean, by an oscillation beyond the band, or, where it bounces, at least by the band.
+    axis, and `contacts` is the number of contacts that begin. `onward_m` is how far the tip leaves its rest: by its
+    mean, by an oscillation beyond the band, or, where it bounces, at least by the band.
 
     Args:
         trace: the continued run from its start.
@@ -116,7 +116,7 @@ def later_motion(trace: Recorded, window: Window, band: float) -> dict[str, Any]
     begun = (touching[:, 1:] & ~touching[:, :-1]).sum(axis=1)
     swing = 0.5 * np.ptp(stretches, axis=1).max(axis=1, initial=0.0)
     later = slice(count // 2, None)
-    found = {"swing_m": float(swing[later].max(initial=0.0)), "contacts": int(begun[later].max(initial=0))}
+    found = {"swing_m": float(swing[later].max(initial=0.0)), "contacts": int(begun[later].sum())}
     onward = max(float(moved), found["swing_m"] if found["swing_m"] > band else 0.0)
     if _bounces(found):
         onward = max(onward, band)

@@ -116,8 +116,11 @@ def later_motion(trace: Recorded, window: Window, band: float) -> dict[str, Any]
     begun = (touching[:, 1:] & ~touching[:, :-1]).sum(axis=1)
     swing = 0.5 * np.ptp(stretches, axis=1).max(axis=1, initial=0.0)
     later = slice(count // 2, None)
-    found = {"swing_m": float(swing[later].max(initial=0.0)), "contacts": int(begun[later].sum())}
-    onward = max(float(moved), found["swing_m"] if found["swing_m"] > band else 0.0)
-    if _bounces(found):
-        onward = max(onward, band)
-    return {"moved_m": float(moved), "band_m": band, "onward_m": onward, **found}
+    found = {
+        "moved_m": float(moved),
+        "band_m": band,
+        "swing_m": float(swing[later].max(initial=0.0)),
+        "contacts": int(begun[later].sum()),
+    }
+    ways = (found["moved_m"], found["swing_m"] * _swings(found), band * _bounces(found))
+    return {**found, "onward_m": max(ways)}

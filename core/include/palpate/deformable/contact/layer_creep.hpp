@@ -84,7 +84,7 @@ class LayerCreep {
   /// Part of a node's points in delayed_energy(), J.
   [[nodiscard]] double energy_of(std::int32_t node, const PatchPoints& points) const noexcept {
     const float* const stiffness = points.coordinate(6);
-    const double left = std::pow(creep_.decay, static_cast<double>(now_ - time_[static_cast<std::size_t>(node)]));
+    const auto left = static_cast<double>(remaining(node));
     double sum = 0.0;
     for (std::size_t q = points.begin(node); q < points.end(node); ++q)
       sum += static_cast<double>(stiffness[q]) * static_cast<double>(state()[q]) * static_cast<double>(state()[q]);

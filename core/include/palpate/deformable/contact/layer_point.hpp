@@ -89,7 +89,7 @@ template <class Scalar>
 }
 
 /// Depth of a point in a sphere that its tangent cone at 78 degrees continues along `outward`: points above the center are pressed outward
-/// and in, never through the sphere. The cone widens without end, so that of a tip beside or below a surface contains it: a tip has a cone
+/// and in, never through the sphere. The cone widens without end and would contain a surface that is higher than the tip: a tip has a cone
 /// only while its sphere contains a point of the surface (Tip::continued). `y` is relative to the center.
 template <class Scalar>
 [[nodiscard, gnu::always_inline]] inline TipGeometry::Depth<Scalar> depth_in_sphere(const Tip& tip, const Vector3<Scalar>& y,

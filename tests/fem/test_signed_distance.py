@@ -150,6 +150,39 @@ def test_a_tip_that_is_pushed_through_loses_contact_and_gains_no_energy(body: Bo
         body.indent(AT, 4e-3, 9e-3)
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("kind", ["elastic", "viscoelastic", "modal"])
+def test_no_body_pulls_in_a_tip_that_is_below_its_surface(body: Body, kind: str, friction: float) -> None:
+    """Presses to 1.5 radii with sideways moves: the body pushes the tip out, or the tip is lost and has no force."""
+    made = Body(body.contents)
+    rub = {"static_friction": friction} if friction else {}
+    relaxing: dict[str, Any] = {"instantaneous_ratio": 1.4, "retardation_time": "30 ms", "contact": "signed_distance"}
+    period, pulls, lost = 0.25e-3, [], 0
+    t = np.arange(0.0, 0.6, period)
+    for seed in range(12):
+        random = np.random.default_rng(seed)
+        when = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.6])
+        depth = np.interp(t, when, [-0.2, *(random.uniform(0.6, 1.5, 4)), -0.2]) * 4e-3
+        aside = [np.interp(t, when, random.uniform(-4e-3, 4e-3, 6)) for _ in range(2)]
+        path = np.stack([AT[0] + aside[0], AT[1] + aside[1], TOP + 4e-3 - depth], axis=1)
+        match kind:
+            case "elastic":
+                deep = made.signed_distance(**rub)
+            case "viscoelastic":
+                deep = made.viscoelastic(period, **relaxing, **rub)
+            case _:
+                deep = made.modal(period, rayleigh_alpha="20 1/s", **relaxing, **rub)
+        felt = deep.simulate_path(path, 4e-3)
+        normal = felt.force[:, 2] - felt.friction[:, 2]
+        pulls.append(normal[path[:, 2] < TOP].min())
+        lost += felt.lost.any()
+        if kind != "modal":  # waves do work on a tip within a period
+            kept = path_work(felt, path).cumsum() - felt.energy[1:]
+            assert (kept - np.maximum.accumulate(kept)).min() > -0.02 * felt.energy.max()
+    assert min(pulls) > -1e-6
+    assert lost > 3
+
+
 def test_a_tool_that_reaches_into_the_body_before_the_press_is_told_from_one_pushed_through(body: Body) -> None:
     tool = body.with_contact_points([[0.0, 0.0, 0.0], [5e-3, 0.0, -10e-3]])
     with pytest.raises(BodyError, match=r"contact_points: before the press a tip of the tool is already inside"):

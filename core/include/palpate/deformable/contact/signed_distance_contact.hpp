@@ -89,14 +89,12 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     for (LayerCreep& layer : layers_) layer.begin_period();
     for (int t = 0; t < near_.tip_count(); ++t) check_inside(t, !started_ || near_.tip(t).jump);
     started_ = true;
-    Forces before{};
-    for (int t = 0; t < near_.tip_count(); ++t) before[at(t)] = near_.tip(t).force;
     predict();
     const bool converged = iterate(jump);
     if (offset_ != nullptr) near_.admit_cleared();
     taken_over_ = false;
     sum_forces();
-    if (!jump) check_pushed_through(before);
+    check_pushed_through(jump);
     finish_tick();
     report(solved && converged);
     return results_[0];
@@ -164,7 +162,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   static constexpr double brief_move = 5e-4;       // of the radius per tick; with friction, a tick of a tip that moves farther may be brief
 
   using Place = NearNodes::Place;
-  using Forces = std::array<Vector3<>, static_cast<std::size_t>(max_tips)>;
 
   [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
 
@@ -334,26 +331,44 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return away.dot(nodes_->normal(node));
   }
 
-  /// Release the body from a tip that has been pushed through. Its center is below the surface at rest, that of a flat end by a quarter of
-  /// the radius. In this tick the energy has dropped by more than the tips' work less that of friction; the margin is a tenth, of a body
-  /// with motion a half. Of several tips, those whose force has halved are released.
-  void check_pushed_through(const Forces& before) noexcept {
-    double work = 0.0;
-    for (int t = 0; t < near_.tip_count(); ++t) work += 0.5 * near_.tip(t).last_move.dot(before[at(t)] + near_.tip(t).force);
-    const double drop = last_energy_ + work - rubbed() - tick_energy_, allowed = motion_ ? 0.5 : 0.1;
-    if (!(last_energy_ > 0.0 && drop > allowed * (last_energy_ + std::abs(work)))) return;
+  /// Release the body from tips that have been pushed through. Their centers are below the surface at rest, those of flat ends by a quarter
+  /// of the radius. Either the body pulls such a tip in, since it touches the tip's back alone, or the energy has dropped in this tick by
+  /// more than the tips' work less that of friction: by a tenth more, of a body with motion by a half, whose tick has an energy of its own.
+  /// Of several tips, those whose force has halved are then released.
+  void check_pushed_through(bool jump) noexcept {
+    const bool dropped = !jump && energy_dropped();
+    bool released = false;
     for (int t = 0; t < near_.tip_count(); ++t) {
       NearNodes::Tip& tip = near_.tip(t);
+      const bool fell = dropped && (near_.tip_count() == 1 || tip.force.squaredNorm() <= 0.25 * results_[at(t)].force.squaredNorm());
+      if (!fell && !is_pulled_in(t)) continue;
       const int nearest = near_.nearest(t);
       const double sunk = tip.shape.shape == TipGeometry::Shape::capsule ? 0.0 : 0.25 * tip.shape.radius;
       if (nearest < 0 || height_over(near_.place(nearest).node, tip) > -sunk) continue;
-      if (near_.tip_count() > 1 && tip.force.squaredNorm() > 0.25 * before[at(t)].squaredNorm()) continue;
-      tip.lost = true;
+      if (!fell && !is_under(near_.place(nearest).node, tip)) continue;
+      tip.lost = released = true;
       near_.release(t);
       if (near_.tip_count() == 1) tick_energy_ = 0.0;
     }
+    if (!released) return;
     for (int k = 0; k < near_.engaged(); ++k) move_node(k);
     sum_forces();
+  }
+
+  /// Whether the energy has dropped in this tick by more than the tips' work less that of friction.
+  [[nodiscard]] bool energy_dropped() const noexcept {
+    double work = 0.0;
+    for (int t = 0; t < near_.tip_count(); ++t) work += 0.5 * near_.tip(t).last_move.dot(near_.tip(t).force - results_[at(t)].force);
+    const double drop = last_energy_ + work - rubbed() - tick_energy_, allowed = motion_ ? 0.5 : 0.1;
+    return last_energy_ > 0.0 && drop > allowed * (last_energy_ + std::abs(work));
+  }
+
+  /// Whether a tip pulls the nodes that it touches along their outward normals at rest.
+  [[nodiscard]] bool is_pulled_in(int t) const noexcept {
+    double outward = 0.0;
+    for (int k = 0; k < near_.engaged(); ++k)
+      if (near_.place(k).tip == t) outward += near_.place(k).force.dot(nodes_->normal(near_.place(k).node));
+    return outward > 0.0;
   }
 
   /// Bound on the energy that friction dissipates in this tick, J.

@@ -34,6 +34,28 @@ TEST(SignedDistanceContactNoAllocation, InAnyStep) {
   }
 }
 
+// A body on a soft spring, whose forces CoupledNewton finds.
+TEST(SignedDistanceContactNoAllocation, OnAFlexibleBody) {
+  const shapes::Shape box = shapes::box({10e-3, 10e-3, 10e-3}, 5);
+  const contact_bodies::SurfaceBody body(box, 1e4, [&box](std::size_t i, std::size_t j) {
+    const double own = 6e-3 * std::exp(-(box.vertices[i] - box.vertices[j]).norm() / 4e-3);
+    return Eigen::Matrix3d((own + 0.8) * Eigen::Matrix3d::Identity());
+  });
+  for (const double friction : {0.0, 0.4}) {
+    SignedDistanceContact contact(body.nodes, body.compliance, body.patches, {friction, friction});
+    int touching = 0;
+    const long before = allocations;
+    for (int k = 0; k < 1500; ++k) {
+      const double s = 0.02 * k;
+      const Vector3<> center(9e-3 * std::sin(s), 9e-3 * std::cos(0.7 * s), 14e-3 - 2e-3 * std::sin(0.3 * s));
+      touching += contact.step(TipGeometry::sphere(4e-3), center).touching ? 1 : 0;
+    }
+    contact.reset();
+    EXPECT_EQ(allocations - before, 0);
+    EXPECT_GT(touching, 300);
+  }
+}
+
 // Two tips with friction on a body that creeps, and on one that vibrates.
 TEST(SignedDistanceContactNoAllocation, WithFrictionMemoryAndTwoTips) {
   const contact_bodies::SurfaceBody body = contact_bodies::soft(shapes::box({10e-3, 10e-3, 10e-3}, 5), 1e4, 6e-3, 4e-3);

@@ -66,7 +66,22 @@ class LayerFriction {
     return total.norm();
   }
 
-  /// Record the state at the end of a tick, right after sweep().
+  /// Traction of a place with the displacement `u` [m] under the normal force `force` [N] of points of the stiffness `stiffness`, N.
+  [[nodiscard]] Vector3<> traction_at(const NearNodes& near, const NearNodes::Place& p, const Vector3<>& u, const Vector3<>& force,
+                                      double stiffness) const noexcept {
+    const double size = force.norm();
+    if (!p.rubs || !(stiffness > 0.0) || !(size > 0.0)) return Vector3<>::Zero();
+    const Vector3<> d = force / size, slip = u - near.tip_of(p).center - p.last_relative;
+    Vector3<> traction = kept(p, stiffness) * p.last_traction - shear_ratio_ * stiffness * slip;
+    traction -= traction.dot(d) * d;
+    const double limit = coefficient(p.tip) * size, square = traction.squaredNorm();
+    return square > limit * limit ? Vector3<>(traction * (limit / std::sqrt(square))) : traction;
+  }
+
+  /// Prepare finish() for tractions that were not found by sweep().
+  void resume(const NearNodes& near) noexcept { prepare(near); }
+
+  /// Record the state at the end of a tick, right after sweep() or resume().
   void finish(NearNodes& near) noexcept {
     std::array<bool, max_tips> all{}, any{};
     all.fill(true);
@@ -116,6 +131,11 @@ class LayerFriction {
     Vector3<> origin;   // displacement without slip, m
   };
 
+  /// Share of the last traction that the layer still carries.
+  [[nodiscard]] static double kept(const NearNodes::Place& p, double stiffness) noexcept {
+    return std::min(1.0, stiffness / p.last_stiffness);
+  }
+
   /// Evaluate the displacements, and what the sweeps know of the places. Return the sum of the sizes of the normal forces, N.
   double prepare(const NearNodes& near) noexcept {
     double sum = 0.0;
@@ -127,13 +147,12 @@ class LayerFriction {
       sum += force;
       rub.mobility = 0.0;
       if (!p.rubs || !(p.stiffness > 0.0)) continue;
-      const Matrix3<> own = near.self_compliance(k);
+      const Matrix3<> own = near.compliance(k, k);
       const double across = 0.5 * (own.trace() - p.direction.dot(own * p.direction));
       rub.limit = coefficient(p.tip) * force;
       rub.yielding = 1.0 / (shear_ratio_ * p.stiffness);
       rub.mobility = 1.0 / (across + rub.yielding);
-      const double kept = std::min(1.0, p.stiffness / p.last_stiffness);
-      rub.carried = kept * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
+      rub.carried = kept(p, p.stiffness) * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
       rub.origin = near.tip_of(p).center + p.last_relative;
     }
     return sum;

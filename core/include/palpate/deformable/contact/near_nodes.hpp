@@ -36,6 +36,8 @@ class NearNodes {
     int tip = 0;
     bool rubs = false;                            // since the last tick at least: friction acts
     bool barred = false;                          // not touched until the tip is clear of it
+    bool flexible = false;                        // the body yields there much more than the layer
+    bool known = false;                           // last_relative is of the last tick
     Vector3<> force = Vector3<>::Zero();          // of the tip on the node, N
     Vector3<> traction = Vector3<>::Zero();       // friction on the node, across `direction`, N
     Vector3<> last_traction = Vector3<>::Zero();  // of the last tick, as far as the layer still carries it, N
@@ -92,9 +94,11 @@ class NearNodes {
       enter(node, old.tip);
       Place& p = place(count_ - 1);
       const Vector3<> free = p.free;
+      const bool flexible = p.flexible;
       p = old;
       p.node = node;
       p.free = free;
+      p.flexible = flexible;
       p.clearance = p.clear_until = 0.0;
       if (k >= before.engaged_) continue;
       ++engaged_;
@@ -166,7 +170,7 @@ class NearNodes {
       --count_;
       slot(places_[at(count_)].node, places_[at(count_)].tip) = -1;
     }
-    engaged_ = pending_count_ = looked_at_ = 0;
+    engaged_ = pending_count_ = looked_at_ = flexible_ = 0;
     bars_ = false;
     forces_ = scratch_ = {};
     travelled_ = 0.0;
@@ -244,7 +248,10 @@ class NearNodes {
   void add_displacements(int k, const Vector3<>& force, PlaceForces& sum) const noexcept {
     copy_.add_displacements(k, force, engaged_, sum);
   }
-  [[nodiscard]] Matrix3<> self_compliance(int k) const noexcept { return copy_.block(k, k); }
+  /// Displacement of place k by a force on place j, m/N.
+  [[nodiscard]] Matrix3<> compliance(int k, int j) const noexcept { return copy_.block(k, j); }
+  /// Whether the body near a tip yields much more than the layer of the contact.
+  [[nodiscard]] bool any_flexible() const noexcept { return flexible_ > 0; }
 
   /// Second set of forces: set it for every engaged place, then call finish_scratch().
   void finish_scratch() noexcept {
@@ -259,6 +266,7 @@ class NearNodes {
 
  private:
   static constexpr double margin = 0.15;
+  static constexpr double flexible_ratio = 10.0;  // of compliances, body over layer; at most 8 on a block, above 20 on cantilevers
   static constexpr int max_pending = 1024;
   struct Pending {
     std::int32_t node;
@@ -280,7 +288,7 @@ class NearNodes {
     p.change.setZero();
     p.traction.setZero();
     p.last_traction.setZero();
-    p.rubs = false;
+    p.rubs = p.known = false;
   }
 
   /// Distance of a node's patch from a tip, m, with the node anywhere between rest and the mean displacement.
@@ -314,6 +322,7 @@ class NearNodes {
   void drop(int k) noexcept {
     swap(k, count_ - 1);
     --count_;
+    flexible_ -= place(count_).flexible ? 1 : 0;
     slot(place(count_).node, place(count_).tip) = -1;
   }
   void drop_far(int tip) noexcept {
@@ -358,6 +367,9 @@ class NearNodes {
     forces_.set(count_, Vector3<>::Zero());
     ++count_;
     copy_.enter(*compliance_, node_.data(), count_);
+    Place& p = place(count_ - 1);
+    p.flexible = copy_.block(count_ - 1, count_ - 1).trace() * tip_of(p).points->stiffness(node) > 3.0 * flexible_ratio;
+    flexible_ += p.flexible ? 1 : 0;
   }
 
   void swap(int k, int l) noexcept {
@@ -378,7 +390,7 @@ class NearNodes {
   bool bars_ = false;  // nodes that enter are barred
   std::vector<Tip> tips_;
   std::vector<std::int32_t> place_of_;  // by node and tip; -1: none
-  int count_ = 0, engaged_ = 0, pending_count_ = 0, looked_at_ = 0;
+  int count_ = 0, engaged_ = 0, pending_count_ = 0, looked_at_ = 0, flexible_ = 0;
   double travelled_ = 0.0;  // way of the tips times 2.5, m
   std::array<Place, static_cast<std::size_t>(capacity)> places_;
   std::array<std::int32_t, static_cast<std::size_t>(capacity)> node_{};

@@ -68,6 +68,8 @@ class PatchPoints {
   [[nodiscard]] std::size_t end(std::int32_t node) const noexcept { return begin_[at(node) + 1]; }
   /// Largest distance of a node's points from it, m.
   [[nodiscard]] double reach(std::int32_t node) const noexcept { return reach_[at(node)]; }
+  /// Stiffness of all points of a node, N/m.
+  [[nodiscard]] double stiffness(std::int32_t node) const noexcept { return stiffness_[at(node)]; }
   /// Largest reach of all nodes, m.
   [[nodiscard]] double max_reach() const noexcept { return max_reach_; }
 
@@ -161,9 +163,13 @@ class PatchPoints {
     begin_.push_back(0);
     for (const std::vector<Point>& list : points) {
       begin_.push_back(begin_.back() + (list.size() + padding - 1) / padding * padding);
-      double reach = 0.0;
-      for (const Point& p : list) reach = std::max(reach, p.offset.norm());
+      double reach = 0.0, stiffness = 0.0;
+      for (const Point& p : list) {
+        reach = std::max(reach, p.offset.norm());
+        stiffness += p.stiffness;
+      }
       reach_.push_back(reach);
+      stiffness_.push_back(stiffness);
       max_reach_ = std::max(max_reach_, reach);
     }
     for (std::vector<detail::FloatLine>& column : columns_) column.resize((begin_.back() + 15) / 16);
@@ -181,6 +187,7 @@ class PatchPoints {
 
   std::vector<std::size_t> begin_;                         // of each node's points, and the end
   std::vector<double> reach_;                              // by node, m
+  std::vector<double> stiffness_;                          // by node, N/m
   double max_reach_ = 0.0;                                 // m
   std::array<std::vector<detail::FloatLine>, 7> columns_;  // see coordinate()
 };

@@ -1,13 +1,18 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
+#include <cstring>
 #include <limits>
+#include <type_traits>
 
 #include "palpate/deformable/contact/float_pack.hpp"
 #include "palpate/deformable/contact/layer_creep.hpp"
 #include "palpate/deformable/contact/near_nodes.hpp"
 #include "palpate/deformable/contact/patch_points.hpp"
+#include "palpate/math/pack.hpp"
+#include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
@@ -18,25 +23,68 @@ struct PressedPoints {
   double clearance = 0.0;  ///< signed distance of the tip from the nearest point, m
 };
 
+namespace detail {
+
+/// Two double-precision numbers, one register on every target: Eigen aligns no wider numbers without AVX.
+using DoublePack = math::Pack<2>;
+
+/// Numbers from `from` on as a pack.
+template <class Scalar>
+[[nodiscard, gnu::always_inline]] inline Scalar read_pack(const float* from) noexcept {
+  if constexpr (std::is_same_v<Scalar, FloatPack>) {
+    return *as_packs(from);
+  } else {
+    using Lanes = math::detail::Lanes<Scalar::width>;
+    typename Lanes::Float numbers;
+    std::memcpy(&numbers, from, sizeof numbers);
+    return Scalar(__builtin_convertvector(numbers, typename Lanes::Vector));
+  }
+}
+
+[[nodiscard, gnu::always_inline]] inline double total_of(const FloatPack& v) noexcept {
+  return static_cast<double>(sum_of(v));
+}
+[[nodiscard, gnu::always_inline]] inline double total_of(const DoublePack& v) noexcept {
+  return v[0] + v[1];
+}
+[[nodiscard, gnu::always_inline]] inline double most_of(const FloatPack& v) noexcept {
+  return static_cast<double>(largest_of(v));
+}
+[[nodiscard, gnu::always_inline]] inline double most_of(const DoublePack& v) noexcept {
+  return std::max(v[0], v[1]);
+}
+[[nodiscard, gnu::always_inline]] inline std::array<double, 4> totals_of(const FloatPack& a, const FloatPack& b, const FloatPack& c,
+                                                                         const FloatPack& d) noexcept {
+  const auto sums = sums_of(a, b, c, d);
+  return {sums[0], sums[1], sums[2], sums[3]};
+}
+[[nodiscard, gnu::always_inline]] inline std::array<double, 4> totals_of(const DoublePack& a, const DoublePack& b, const DoublePack& c,
+                                                                         const DoublePack& d) noexcept {
+  return {total_of(a), total_of(b), total_of(c), total_of(d)};
+}
+
+}  // namespace detail
+
 /// Press the points of a place's node at `at` relative to the tip [m]: add to the place's target and stiffness. With `settle` record the
 /// creep of the layer at the end of the period instead; the energy is the one stored then, without LayerCreep::delayed_energy(). `layer` is
-/// null without creep.
-template <bool settle>
+/// null without creep. `Scalar` is FloatPack, or DoublePack, which cannot settle.
+template <bool settle, class Scalar = detail::FloatPack>
 PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer) noexcept {
-  using Scalar = detail::FloatPack;
+  using math::any, math::select, math::max_of, math::min_of;
+  constexpr std::size_t lanes = std::is_same_v<Scalar, detail::FloatPack> ? detail::float_lanes : detail::DoublePack::width;
   const PatchPoints& points = *tip.points;
-  const auto load = [&points](std::size_t number, std::size_t q) { return *detail::as_packs(points.coordinate(number) + q); };
+  const auto load = [&points](std::size_t number, std::size_t q) { return detail::read_pack<Scalar>(points.coordinate(number) + q); };
   Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
   Scalar stiffness(0.0), energy(0.0), delayed(0.0), deepest(-std::numeric_limits<float>::max());
   const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(p.node)) : 0.0);
-  for (std::size_t q = points.begin(p.node); q < points.end(p.node); q += detail::float_lanes) {
+  for (std::size_t q = points.begin(p.node); q < points.end(p.node); q += lanes) {
     const Vector3<Scalar> y(load(0, q) + Scalar(at[0]), load(1, q) + Scalar(at[1]), load(2, q) + Scalar(at[2]));
     const Vector3<Scalar> normal(load(3, q), load(4, q), load(5, q));
     const auto in = tip.shape.evaluate<Scalar>(y, normal);
     deepest = max_of(deepest, in.depth);
     Scalar excess = in.depth, crept(0.0);
     if (layer != nullptr) {
-      crept = remaining * *detail::as_packs(layer->state() + q);
+      crept = remaining * detail::read_pack<Scalar>(layer->state() + q);
       excess -= crept;
     }
     if constexpr (!settle)
@@ -58,14 +106,13 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
     stiffness += select(excess > Scalar(0.0), pressed * (in.slope * in.slope), Scalar(0.0));
     energy += push * depth;
   }
-  const PressedPoints all{.energy = 0.5 * static_cast<double>(detail::sum_of(energy)),
-                          .clearance = -static_cast<double>(detail::largest_of(deepest))};
+  const PressedPoints all{.energy = 0.5 * detail::total_of(energy), .clearance = -detail::most_of(deepest)};
   if constexpr (settle) {
-    layer->add_energy(0.5 * static_cast<double>(layer->delayed()) * static_cast<double>(detail::sum_of(delayed)));
+    layer->add_energy(0.5 * static_cast<double>(layer->delayed()) * detail::total_of(delayed));
   } else {
-    const auto sums = detail::sums_of(force[0], force[1], force[2], stiffness);
+    const auto sums = detail::totals_of(force[0], force[1], force[2], stiffness);
     p.target += Vector3<>(sums[0], sums[1], sums[2]);
-    p.stiffness += static_cast<double>(sums[3]);
+    p.stiffness += sums[3];
   }
   return all;
 }

@@ -11,6 +11,7 @@
 
 #include "palpate/deformable/contact/contact_newton.hpp"
 #include "palpate/deformable/contact/contact_result.hpp"
+#include "palpate/deformable/contact/coupled_newton.hpp"
 #include "palpate/deformable/contact/layer_creep.hpp"
 #include "palpate/deformable/contact/layer_friction.hpp"
 #include "palpate/deformable/contact/near_compliance.hpp"
@@ -89,8 +90,9 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     for (LayerCreep& layer : layers_) layer.begin_period();
     for (int t = 0; t < near_.tip_count(); ++t) check_inside(t, !started_ || near_.tip(t).jump);
     started_ = true;
+    note_start();
     predict();
-    const bool converged = iterate(jump);
+    const bool converged = find_forces(jump);
     if (offset_ != nullptr) near_.admit_cleared();
     taken_over_ = false;
     sum_forces();
@@ -109,6 +111,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     if (offset_ != nullptr) offset_->release();
     last_energy_ = tick_energy_ = 0.0;
     newton_.reset();
+    coupled_.reset();
     results_.fill({});
   }
 
@@ -194,6 +197,84 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   }
 
   /// Find the forces. Return whether they are acceptable.
+  bool find_forces(bool jump) noexcept { return (near_.any_flexible() && iterate_coupled(jump)) || iterate(jump); }
+
+  /// Record the places in contact relative to their tips at the end of the last tick; friction does so itself.
+  void note_start() noexcept {
+    for (int k = 0; k < near_.engaged(); ++k) {
+      Place& p = near_.place(k);
+      p.known = true;
+      if (friction_ || !near_.any_flexible()) continue;
+      const NearNodes::Tip& tip = near_.tip_of(p);
+      p.last_relative = p.free - p.free_change + near_.displacement(k) - tip.center + tip.last_move;
+    }
+  }
+
+  /// Find the forces by CoupledNewton, with the tips moved at once or in parts. Return whether they are found; otherwise they are as
+  /// before.
+  bool iterate_coupled(bool jump) noexcept {
+    const int held = near_.engaged();
+    if (held > CoupledNewton::capacity) return false;
+    for (int k = 0; k < held; ++k) start_[at(k)] = {near_.place(k).force, near_.place(k).traction};
+    for (const int parts : {1, 8}) {
+      if (jump && parts > 1) break;
+      bool found = true;
+      iterations_ = 0;
+      for (int part = 1; found && part <= parts; ++part) {
+        const double rest = static_cast<double>(part - parts) / parts;
+        for (int t = 0; t < near_.tip_count(); ++t) near_.tip(t).center += rest * near_.tip(t).last_move;
+        start_coupled(jump, part == 1, 1.0 / parts);
+        found = engage_and_solve();
+        for (int t = 0; t < near_.tip_count(); ++t) near_.tip(t).center -= rest * near_.tip(t).last_move;
+      }
+      if (found && (jump || is_plausible())) {
+        finish_coupled();
+        return true;
+      }
+      for (int k = 0; k < near_.engaged(); ++k) {
+        Place& p = near_.place(k);
+        p.force = k < held ? start_[at(k)].force : Vector3<>::Zero();
+        p.traction = k < held ? start_[at(k)].traction : Vector3<>::Zero();
+        near_.set_force(k);
+      }
+      for (int k = 0; k < near_.engaged(); ++k) move_node(k);
+    }
+    return false;
+  }
+
+  /// Bring the displacements of the places in contact to where the motion of the tips by `share` of a tick takes them.
+  void start_coupled(bool jump, bool first, double share) noexcept {
+    for (int k = 0; k < near_.engaged(); ++k) {
+      Place& p = near_.place(k);
+      const NearNodes::Tip& tip = near_.tip_of(p);
+      if (!first)
+        p.displacement += share * tip.last_move;
+      else if (p.known && !jump)
+        p.displacement = p.last_relative + tip.center;
+      else
+        move_node(k);
+    }
+  }
+
+  /// Solve for the places in contact until no other place comes into contact. Return whether that ended.
+  bool engage_and_solve() noexcept {
+    for (int round = 0; round < max_iterations; ++round) {
+      const int before = near_.engaged();
+      for (int k = before; (round > 0 || before == 0) && k < near_.count(); ++k) {
+        if (near_.tip_of(near_.place(k)).lost) continue;
+        move_node(k);
+        press_node(k);
+        if (!near_.place(k).barred && near_.place(k).stiffness > 0.0) near_.engage(k);
+      }
+      if (round > 0 && near_.engaged() == before) return true;
+      if (near_.engaged() > CoupledNewton::capacity) return false;
+      if (!coupled_.solve(near_, [this](int k, const Vector3<>& u) { return law(near_.place(k), u); })) return false;
+      iterations_ += coupled_.iterations();
+    }
+    return false;
+  }
+
+  /// Find the forces by ContactNewton and sweeps of friction. Return whether they are acceptable.
   bool iterate(bool thorough) noexcept {
     double lowest = std::numeric_limits<double>::infinity(), last_error = 0.0;
     int halvings = 0;
@@ -223,6 +304,48 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     iterations_ = std::min(iterations_, max_iterations);
     tick_energy_ = lowest < std::numeric_limits<double>::infinity() ? lowest : 0.0;
     return last_error <= (brief ? slipping : acceptable);
+  }
+
+  /// Force at a place with the displacement `u` [m].
+  [[nodiscard]] CoupledNewton::Force law(Place p, const Vector3<>& u) noexcept {
+    const NearNodes::Tip& tip = near_.tip_of(p);
+    p.target.setZero();
+    p.stiffness = 0.0;
+    const PressedPoints pressed = press_points<false, detail::DoublePack>(p, tip, nodes_->point(p.node) + u - tip.center, layer_of(tip));
+    CoupledNewton::Force f{.normal = p.target, .stiffness = p.stiffness, .energy = pressed.energy};
+    if (friction_) f.traction = friction_.traction_at(near_, p, u, f.normal, f.stiffness);
+    return f;
+  }
+
+  /// Energy of the forces on the body and of the layers, J.
+  [[nodiscard]] double coupled_energy() const noexcept {
+    double energy = 0.0;
+    for (int k = 0; k < near_.engaged(); ++k) {
+      const Place& p = near_.place(k);
+      energy += p.layer_energy + 0.5 * p.force.dot(p.displacement - p.free);
+    }
+    return energy;
+  }
+
+  /// Whether the motions of tips and body in this tick can have supplied the energy. Another solution, with the tips deep in the body, has
+  /// orders of magnitude more.
+  [[nodiscard]] bool is_plausible() const noexcept {
+    double supplied = last_energy_;
+    for (int k = 0; k < near_.engaged(); ++k) {
+      const Place& p = near_.place(k);
+      const double size = p.force.norm() + p.traction.norm() + results_[at(p.tip)].force.norm();
+      supplied += size * (near_.tip_of(p).last_move.norm() + p.free_change.norm());
+    }
+    return coupled_energy() <= 2.0 * supplied;
+  }
+
+  /// Release the places out of contact, and prepare the end of the tick.
+  void finish_coupled() noexcept {
+    for (int k = near_.engaged() - 1; k >= 0; --k)
+      if (near_.place(k).stiffness == 0.0) near_.disengage(k);
+    for (int k = 0; k < near_.engaged(); ++k) near_.set_clearance(k, 0.0, Vector3<>::Zero());
+    tick_energy_ = coupled_energy();
+    if (friction_) friction_.resume(near_);
   }
 
   void halve_last_change() noexcept {
@@ -486,10 +609,15 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
   static constexpr double max_sunk = 0.3;  // of the radius: depth of the center below the nearest node's tangent plane
 
+  struct Forces {
+    Vector3<> force, traction;
+  };
+
   template <class T>
   using Rows = std::array<T, static_cast<std::size_t>(capacity)>;
 
   ContactNewton newton_;
+  CoupledNewton coupled_;
   const SurfaceNodes* nodes_;
   const ContactPatches* patches_;
   std::unique_ptr<BodyMotion> motion_;
@@ -502,6 +630,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   std::array<PlacedTip, static_cast<std::size_t>(max_tips)> placed_{};
   std::array<ContactResult, static_cast<std::size_t>(max_tips)> results_{};
   Rows<Vector3<>> loads_{};
+  std::array<Forces, static_cast<std::size_t>(CoupledNewton::capacity)> start_{};  // of the places in contact, before iterate_coupled()
   int iterations_ = 0, tick_ = 0;
   Rows<std::int32_t> load_node_{};
   bool started_ = false;

@@ -1,0 +1,219 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "palpate/deformable/contact/near_nodes.hpp"
+#include "palpate/math/vector.hpp"
+
+namespace palpate::deformable {
+
+/// Newton's method of SignedDistanceContact for the displacements u of all places: u = free + C g(u), with the force g of the law of
+/// contact and friction at a place. A step solves (1 - C J) du = free + C g(u) - u with J = dg/du.
+///
+/// It counts what ContactNewton and the sweeps of LayerFriction neglect: the turn of the normal forces, and the coupling of normal force
+/// and friction by the body. On a body that yields much more than the layer of the contact, such as a cantilever, these decide. The factors
+/// of the matrix serve until the steps shrink slowly. A step is halved until the next one with the same factors is smaller (natural
+/// monotonicity test, Deuflhard 2004, section 3.3).
+class CoupledNewton {
+ public:
+  static constexpr int capacity = 64;  ///< places in contact
+  static constexpr int max_iterations = 24;
+
+  /// Force of the law at a place, N, stiffness of its points, N/m, and their energy, J.
+  struct Force {
+    Vector3<> normal = Vector3<>::Zero(), traction = Vector3<>::Zero();
+    double stiffness = 0.0, energy = 0.0;
+  };
+
+  CoupledNewton() : compliance_(square(capacity)), matrix_(square(3 * capacity)) {}
+
+  /// Find the displacements of the engaged places, at most `capacity`, from their present ones on, and set their forces. `law(k, u)` is the
+  /// force at place k. Return false if they are not found; the forces are then unchanged.
+  template <class Law>
+  bool solve(NearNodes& near, const Law& law) noexcept {
+    if (gather(near)) factored_ = false;
+    iterations_ = 0;
+    find_residual(near, law);
+    bool found = false;
+    while (!found && ++iterations_ <= max_iterations) {
+      if (!factored_ && !factor(near, law)) return false;
+      substitute(step_);
+      const double before = norm(step_);
+      if (is_small(step_, near, 0.1)) {
+        found = true;
+        rest_ = step_;
+        break;
+      }
+      double share = 1.0, after = 0.0;
+      for (int k = 0; k < count_; ++k) start_[at(k)] = near.place(k).displacement;
+      for (;; share *= 0.5) {
+        for (int k = 0; k < count_; ++k) near.place(k).displacement = start_[at(k)] + share * part(step_, k);
+        find_residual(near, law);
+        substitute(rest_);
+        after = norm(rest_);
+        if (after <= (1.0 - 0.25 * share) * before || share < 0.01) break;
+      }
+      found = share == 1.0 && after <= slow * before && is_small(rest_, near, 1.0);
+      if (share < 1.0 || after > slow * before) factored_ = false;
+    }
+    for (int k = 0; found && k < count_; ++k) {
+      NearNodes::Place& p = near.place(k);
+      p.displacement += part(rest_, k);
+      const Force f = law(k, p.displacement);
+      p.force = f.normal;
+      p.traction = f.traction;
+      p.target = f.normal;
+      p.stiffness = f.stiffness;
+      p.layer_energy = f.energy;
+      const double length = f.normal.norm();
+      if (length > 0.0) p.direction = f.normal / length;
+      near.set_force(k);
+    }
+    return found;
+  }
+
+  /// Number of iterations of the last solve().
+  [[nodiscard]] int iterations() const noexcept { return iterations_; }
+  void reset() noexcept { count_ = 0; }
+
+ private:
+  static constexpr double tolerance = 3e-5;  // of the forces, relative to their sum; the last step is taken beyond it
+  static constexpr double rounding = 1e-8;   // of displacements, relative to the radius
+  static constexpr double slow = 0.3;        // ratio of two steps with which the factors are not kept
+
+  template <class T>
+  using Rows = std::array<T, static_cast<std::size_t>(capacity)>;
+  using Column = std::array<double, static_cast<std::size_t>(3 * capacity)>;
+
+  [[nodiscard]] static std::size_t square(int n) noexcept { return static_cast<std::size_t>(n) * static_cast<std::size_t>(n); }
+  [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
+  [[nodiscard]] static Vector3<> part(const Column& column, int k) noexcept {
+    return {column[at(3 * k)], column[at(3 * k + 1)], column[at(3 * k + 2)]};
+  }
+  [[nodiscard]] double norm(const Column& column) const noexcept {
+    double sum = 0.0;
+    for (int i = 0; i < 3 * count_; ++i) sum += column[at(i)] * column[at(i)];
+    return std::sqrt(sum);
+  }
+  [[nodiscard]] double& entry(int r, int c) noexcept { return matrix_[at(c * 3 * capacity + r)]; }
+  [[nodiscard]] Matrix3<>& block(int k, int j) noexcept { return compliance_[at(j * capacity + k)]; }
+
+  /// Copy the compliance of the engaged places. Return whether they have changed.
+  bool gather(const NearNodes& near) noexcept {
+    const int count = near.engaged();
+    bool same = count == count_;
+    for (int k = 0; k < count; ++k) {
+      const NearNodes::Place& p = near.place(k);
+      same = same && node_[at(k)] == p.node && tip_[at(k)] == p.tip;
+      node_[at(k)] = p.node;
+      tip_[at(k)] = p.tip;
+    }
+    count_ = count;
+    if (same) return false;
+    for (int j = 0; j < count; ++j)
+      for (int k = 0; k < count; ++k) block(k, j) = near.compliance(k, j);
+    return true;
+  }
+
+  template <class Law>
+  void find_residual(const NearNodes& near, const Law& law) noexcept {
+    total_ = 0.0;
+    for (int k = 0; k < count_; ++k) {
+      const Force f = law(k, near.place(k).displacement);
+      force_[at(k)] = f.normal + f.traction;
+      total_ += f.normal.norm();
+    }
+    for (int k = 0; k < count_; ++k) {
+      Vector3<> missing = near.place(k).free - near.place(k).displacement;
+      for (int j = 0; j < count_; ++j) missing += block(k, j) * force_[at(j)];
+      for (int a = 0; a < 3; ++a) residual_[at(3 * k + a)] = missing[a];
+    }
+  }
+
+  /// Whether a change of the displacements changes the forces by at most `share` of the tolerance, with all points in contact.
+  [[nodiscard]] bool is_small(const Column& change, const NearNodes& near, double share) const noexcept {
+    double sum = 0.0, allowed = 0.0;
+    for (int k = 0; k < count_; ++k) {
+      const NearNodes::Place& p = near.place(k);
+      const NearNodes::Tip& tip = near.tip_of(p);
+      const double stiffness = tip.points->stiffness(p.node);
+      sum += stiffness * stiffness * part(change, k).squaredNorm();
+      allowed = std::max(allowed, rounding * tip.shape.radius * stiffness);
+    }
+    return std::sqrt(sum) <= share * tolerance * total_ + allowed;
+  }
+
+  /// Factor 1 - C J by Gaussian elimination with row exchanges. Return false if it is singular.
+  template <class Law>
+  bool factor(const NearNodes& near, const Law& law) noexcept {
+    const int n = 3 * count_;
+    for (int j = 0; j < count_; ++j) {
+      const NearNodes::Place& p = near.place(j);
+      const double by = 1e-7 * near.tip_of(p).shape.radius;
+      for (int b = 0; b < 3; ++b) {
+        Vector3<> u = p.displacement;
+        u[b] += by;
+        const Force f = law(j, u);
+        const Vector3<> slope = (f.normal + f.traction - force_[at(j)]) / by;
+        for (int k = 0; k < count_; ++k) {
+          const Vector3<> moved = block(k, j) * slope;
+          for (int a = 0; a < 3; ++a) entry(3 * k + a, 3 * j + b) = (k == j && a == b ? 1.0 : 0.0) - moved[a];
+        }
+      }
+    }
+    for (int c = 0; c < n; ++c) {
+      double* column = &entry(0, c);
+      int p = c;
+      for (int r = c + 1; r < n; ++r)
+        if (std::abs(column[r]) > std::abs(column[p])) p = r;
+      if (!(std::abs(column[p]) > 1e-12)) return false;
+      exchange_[at(c)] = p;
+      if (p != c)
+        for (int j = 0; j < n; ++j) std::swap(entry(p, j), entry(c, j));
+      const double inverse = 1.0 / column[c];
+      for (int r = c + 1; r < n; ++r) column[r] *= inverse;
+      for (int j = c + 1; j < n; ++j) {
+        double* other = &entry(0, j);
+        const double factor = other[c];
+        for (int r = c + 1; r < n; ++r) other[r] -= factor * column[r];
+      }
+    }
+    factored_ = true;
+    return true;
+  }
+
+  /// Solve for the residual.
+  void substitute(Column& x) noexcept {
+    const int n = 3 * count_;
+    for (int i = 0; i < n; ++i) x[at(i)] = residual_[at(i)];
+    for (int c = 0; c < n; ++c) std::swap(x[at(c)], x[at(exchange_[at(c)])]);
+    for (int c = 0; c < n; ++c) {
+      const double* column = &entry(0, c);
+      for (int r = c + 1; r < n; ++r) x[at(r)] -= x[at(c)] * column[r];
+    }
+    for (int c = n - 1; c >= 0; --c) {
+      const double* column = &entry(0, c);
+      x[at(c)] /= column[c];
+      for (int r = 0; r < c; ++r) x[at(r)] -= x[at(c)] * column[r];
+    }
+  }
+
+  int count_ = 0, iterations_ = 0;
+  bool factored_ = false;
+  double total_ = 0.0;                 // of the sizes of the normal forces, N
+  std::vector<Matrix3<>> compliance_;  // m/N
+  std::vector<double> matrix_;         // its factors, by columns
+  std::array<int, static_cast<std::size_t>(3 * capacity)> exchange_{};
+  Column residual_{}, step_{}, rest_{};
+  Rows<Vector3<>> force_{}, start_{};
+  Rows<std::int32_t> node_{};
+  Rows<int> tip_{};
+};
+
+}  // namespace palpate::deformable

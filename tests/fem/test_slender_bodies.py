@@ -1,0 +1,93 @@
+"""Contact by signed distance on bodies that bend much more than they are dented: energy, stiffness of a beam."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from palpate import _core, fem
+from palpate.fem import Body, block
+from palpate.fem.checks import TipShape
+
+LENGTH, WIDTH, HEIGHT, YOUNG = 0.06, 0.012, 0.012, 50e3
+RADIUS, PERIOD = 6e-3, 1e-3
+
+
+@pytest.fixture(scope="module")
+def beam() -> Body:
+    """Cantilever of 60 x 12 x 12 mm, 50 kPa, held at x = 0."""
+    return fem.build(block((LENGTH, WIDTH, HEIGHT), 4e-3), young=YOUNG, fixed="x <= 0 mm")
+
+
+def kind_of(body: Body, kind: str, friction: float) -> Body:
+    """Return the body, static or relaxing, with contact by signed distance."""
+    rub: dict[str, Any] = {"static_friction": friction} if friction else {}
+    if kind == "elastic":
+        return body.signed_distance(**rub)
+    return body.viscoelastic(
+        PERIOD, instantaneous_ratio=1.5, retardation_time="30 ms", contact="signed_distance", **rub
+    )
+
+
+def path_of(move: str) -> np.ndarray:
+    """Return the centers (1200, 3) of a tip that presses by 2 mm, moves by hand and lifts, m."""
+    t = np.arange(0.0, 1.2, PERIOD)
+    depth = np.interp(t, [0.0, 0.3, 1.0, 1.2], [-0.2e-3, 2e-3, 2e-3, -0.2e-3])
+    x, y = np.full_like(t, 0.8 * LENGTH), np.full_like(t, 0.5 * WIDTH + 0.3e-3)
+    if move == "across":
+        y = 0.5 * WIDTH + np.interp(t, [0.3, 0.6, 0.9], [0.0, 0.3, -0.3]) * WIDTH
+    elif move == "along":
+        x = np.interp(t, [0.3, 0.9], [0.4, 0.9]) * LENGTH
+    elif move == "off the end":
+        x = 0.8 * LENGTH + np.interp(t, [0.3, 0.9], [0.0, 0.2 * LENGTH + 1.2 * RADIUS])
+    return np.stack([x, y, HEIGHT + RADIUS - depth], axis=1)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("kind", ["elastic", "viscoelastic"])
+@pytest.mark.parametrize("move", ["press", "across", "along", "off the end"])
+def test_every_force_is_found_and_work_less_stored_energy_does_not_fall(
+    beam: Body, move: str, kind: str, friction: float
+) -> None:
+    path = path_of(move)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # of forces that are not converged
+        felt = kind_of(beam, kind, friction).simulate_path(path, RADIUS)
+    assert felt.force[:, 2].max() > 2e-3
+    work = -(0.5 * (felt.force[1:] + felt.force[:-1]) * np.diff(path, axis=0)).sum(axis=1).cumsum()
+    kept = work - felt.energy[1:]
+    assert (kept - np.maximum.accumulate(kept)).min() > -0.01 * felt.energy.max()
+
+
+def test_the_force_is_that_of_a_cantilever(beam: Body) -> None:
+    """Force over deflection at the place of contact, against bending and shear (Timoshenko 1921, shear factor 5/6)."""
+    made = kind_of(beam, "elastic", 0.0)
+    felt = made.simulate_path(path_of("press"), RADIUS)
+    held = 600
+    arm, area, inertia = 0.8 * LENGTH, WIDTH * HEIGHT, WIDTH * HEIGHT**3 / 12.0
+    shear = YOUNG / (2.0 * 1.45)
+    compliance = arm**3 / (3.0 * YOUNG * inertia) + arm / (5.0 / 6.0 * shear * area)
+    np.testing.assert_allclose(felt.force[held, 2] * compliance, 2e-3, rtol=0.03)
+
+
+@pytest.mark.parametrize("tip", ["sphere", "flat"])
+def test_the_force_does_not_depend_on_the_registers_of_the_machine(
+    monkeypatch: pytest.MonkeyPatch, beam: Body, tip: TipShape
+) -> None:
+    """The code for the narrowest and for the widest registers gives the same bits."""
+    path = path_of("along") - [0.0, 0.0, RADIUS if tip == "flat" else 0.0]
+    make, felt = _core.SignedDistanceBody, []
+
+    class Narrow(_core.SignedDistanceBody):
+        def __init__(self, *args: object, **options: object) -> None:
+            super().__init__(*args, **options, lanes=2)
+
+    for core in (make, Narrow):
+        monkeypatch.setattr(_core, "SignedDistanceBody", core)
+        made = kind_of(beam, "viscoelastic", 0.3)
+        felt.append(made.simulate_path(path, RADIUS, tip=tip, outward=[0.0, 0.0, 1.0] if tip == "flat" else None))
+    assert felt[0].force[:, 2].max() > 2e-3
+    for name in ("force", "deflection", "energy"):
+        np.testing.assert_array_equal(getattr(felt[0], name), getattr(felt[1], name))

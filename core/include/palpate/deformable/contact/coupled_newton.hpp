@@ -19,11 +19,10 @@ namespace palpate::deformable {
 /// It counts what ContactNewton and the sweeps of LayerFriction neglect: the turn of the normal forces, and the coupling of normal force
 /// and friction by the body. On a body that yields much more than the layer of the contact, such as a cantilever, these decide. The factors
 /// of the matrix serve until the steps shrink slowly. A step is halved until the next one with the same factors is smaller (natural
-/// monotonicity test, Deuflhard 2004, section 3.3).
+/// monotonicity test, Deuflhard 2004, section 3.3). Where no such step leads to a solution, the body is followed as if it were damped.
 class CoupledNewton {
  public:
   static constexpr int capacity = 64;  ///< places in contact
-  static constexpr int max_iterations = 24;
 
   /// Force of the law at a place, N, stiffness of its points, N/m, and their energy, J.
   struct Force {
@@ -39,32 +38,15 @@ class CoupledNewton {
   bool solve(NearNodes& near, const Law& law) noexcept {
     if (gather(near)) factored_ = false;
     iterations_ = 0;
-    find_residual(near, law);
-    bool found = false;
-    while (!found && ++iterations_ <= max_iterations) {
-      if (!factored_ && !factor(near, law)) return false;
-      substitute(step_);
-      const double before = norm(step_);
-      if (is_small(step_, near, 0.1)) {
-        found = true;
-        rest_ = step_;
-        break;
-      }
-      double share = 1.0, after = 0.0;
-      for (int k = 0; k < count_; ++k) start_[at(k)] = near.place(k).displacement;
-      for (;; share *= 0.5) {
-        for (int k = 0; k < count_; ++k) near.place(k).displacement = start_[at(k)] + share * part(step_, k);
-        find_residual(near, law);
-        substitute(rest_);
-        after = norm(rest_);
-        if (after <= (1.0 - 0.25 * share) * before || share < 0.01) break;
-      }
-      found = share == 1.0 && after <= slow * before && is_small(rest_, near, 1.0);
-      if (share < 1.0 || after > slow * before) factored_ = false;
+    work_ = 0.0;
+    for (int k = 0; k < count_; ++k) {
+      const NearNodes::Place& p = near.place(k);
+      begin_[at(k)] = p.displacement;
+      internal_[at(k)] = p.force + p.traction;
     }
-    for (int k = 0; found && k < count_; ++k) {
+    if (!find(near, law, 0.0) && !find_damped(near, law)) return false;
+    for (int k = 0; k < count_; ++k) {
       NearNodes::Place& p = near.place(k);
-      p.displacement += part(rest_, k);
       const Force f = law(k, p.displacement);
       p.force = f.normal;
       p.traction = f.traction;
@@ -75,7 +57,7 @@ class CoupledNewton {
       if (length > 0.0) p.direction = f.normal / length;
       near.set_force(k);
     }
-    return found;
+    return true;
   }
 
   /// Number of iterations of the last solve().
@@ -86,6 +68,9 @@ class CoupledNewton {
   static constexpr double tolerance = 3e-5;  // of the forces, relative to their sum; the last step is taken beyond it
   static constexpr double rounding = 1e-8;   // of displacements, relative to the radius
   static constexpr double slow = 0.3;        // ratio of two steps with which the factors are not kept
+  static constexpr int max_iterations = 12;  // of one solution
+  static constexpr int max_damped = 40;      // solutions of the damped body
+  static constexpr double max_work = 4e7;    // of one solve(), three multiplications and more each: 4 to 10 ms
 
   template <class T>
   using Rows = std::array<T, static_cast<std::size_t>(capacity)>;
@@ -121,17 +106,80 @@ class CoupledNewton {
     return true;
   }
 
+  /// Follow the body to its next equilibrium as if it were damped in proportion to its stiffness: where the contact snaps to another
+  /// equilibrium, the damped body goes there on its way down in energy. With the damping over the pseudo time step d and the internal
+  /// forces f, which begin as the forces of the last equilibrium, a step solves (1 + d) (u - free) = C (g(u) + d f).
+  template <class Law>
+  bool find_damped(NearNodes& near, const Law& law) noexcept {
+    double damping = 1.0;
+    restore(near);
+    for (int step = 0; step < max_damped && damping < 1e4; ++step) {
+      if (!find(near, law, damping)) {
+        damping = 8.0 * std::max(damping, 0.05);
+        restore(near);
+        continue;
+      }
+      if (damping == 0.0) return true;
+      for (int k = 0; k < count_; ++k) {
+        begin_[at(k)] = near.place(k).displacement;
+        internal_[at(k)] = (damping * internal_[at(k)] + force_[at(k)]) / (1.0 + damping);
+      }
+      damping = damping > 0.05 ? 0.25 * damping : 0.0;
+    }
+    return false;
+  }
+
+  /// Return to the displacements at the begin of the step.
+  void restore(NearNodes& near) const noexcept {
+    for (int k = 0; k < count_; ++k) near.place(k).displacement = begin_[at(k)];
+  }
+
+  /// Find the displacements of one step. Return whether they are found.
+  template <class Law>
+  bool find(NearNodes& near, const Law& law, double damping) noexcept {
+    const double law_share = 1.0 / (1.0 + damping);
+    if (law_share != law_share_) factored_ = false;
+    law_share_ = law_share;
+    find_residual(near, law);
+    for (int iteration = 0; iteration < max_iterations && work_ < max_work; ++iteration) {
+      ++iterations_;
+      if (!factored_ && !factor(near, law)) return false;
+      substitute(step_);
+      const double before = norm(step_);
+      double share = 1.0, after = 0.0;
+      if (!is_small(step_, near, 0.1)) {
+        for (int k = 0; k < count_; ++k) start_[at(k)] = near.place(k).displacement;
+        for (;; share *= 0.5) {
+          for (int k = 0; k < count_; ++k) near.place(k).displacement = start_[at(k)] + share * part(step_, k);
+          find_residual(near, law);
+          substitute(rest_);
+          after = norm(rest_);
+          if (after <= (1.0 - 0.25 * share) * before || share < 0.01) break;
+        }
+        if (share < 1.0 || after > slow * before) factored_ = false;
+        if (!factored_ || !is_small(rest_, near, 1.0)) continue;
+      } else {
+        rest_ = step_;
+      }
+      for (int k = 0; k < count_; ++k) near.place(k).displacement += part(rest_, k);
+      return true;
+    }
+    return false;
+  }
+
   template <class Law>
   void find_residual(const NearNodes& near, const Law& law) noexcept {
     total_ = 0.0;
+    work_ += 100.0 * count_ * count_;
     for (int k = 0; k < count_; ++k) {
       const Force f = law(k, near.place(k).displacement);
       force_[at(k)] = f.normal + f.traction;
+      driving_[at(k)] = law_share_ * force_[at(k)] + (1.0 - law_share_) * internal_[at(k)];
       total_ += f.normal.norm();
     }
     for (int k = 0; k < count_; ++k) {
       Vector3<> missing = near.place(k).free - near.place(k).displacement;
-      for (int j = 0; j < count_; ++j) missing += block(k, j) * force_[at(j)];
+      for (int j = 0; j < count_; ++j) missing += block(k, j) * driving_[at(j)];
       for (int a = 0; a < 3; ++a) residual_[at(3 * k + a)] = missing[a];
     }
   }
@@ -153,6 +201,7 @@ class CoupledNewton {
   template <class Law>
   bool factor(const NearNodes& near, const Law& law) noexcept {
     const int n = 3 * count_;
+    work_ += std::pow(n, 3);
     for (int j = 0; j < count_; ++j) {
       const NearNodes::Place& p = near.place(j);
       const double by = 1e-7 * near.tip_of(p).shape.radius;
@@ -160,7 +209,7 @@ class CoupledNewton {
         Vector3<> u = p.displacement;
         u[b] += by;
         const Force f = law(j, u);
-        const Vector3<> slope = (f.normal + f.traction - force_[at(j)]) / by;
+        const Vector3<> slope = law_share_ / by * (f.normal + f.traction - force_[at(j)]);
         for (int k = 0; k < count_; ++k) {
           const Vector3<> moved = block(k, j) * slope;
           for (int a = 0; a < 3; ++a) entry(3 * k + a, 3 * j + b) = (k == j && a == b ? 1.0 : 0.0) - moved[a];
@@ -206,12 +255,14 @@ class CoupledNewton {
 
   int count_ = 0, iterations_ = 0;
   bool factored_ = false;
+  double law_share_ = 1.0;             // of the law in driving_; internal_ has the rest
+  double work_ = 0.0;                  // of this solve()
   double total_ = 0.0;                 // of the sizes of the normal forces, N
   std::vector<Matrix3<>> compliance_;  // m/N
   std::vector<double> matrix_;         // its factors, by columns
   std::array<int, static_cast<std::size_t>(3 * capacity)> exchange_{};
   Column residual_{}, step_{}, rest_{};
-  Rows<Vector3<>> force_{}, start_{};
+  Rows<Vector3<>> force_{}, driving_{}, internal_{}, start_{}, begin_{};
   Rows<std::int32_t> node_{};
   Rows<int> tip_{};
 };

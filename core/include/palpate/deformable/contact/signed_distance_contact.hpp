@@ -197,67 +197,77 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   }
 
   /// Find the forces. Return whether they are acceptable.
-  bool find_forces(bool jump) noexcept { return (near_.any_flexible() && iterate_coupled(jump)) || iterate(jump); }
+  bool find_forces(bool jump) noexcept {
+    if (!near_.any_flexible()) return iterate(jump);
+    crowded_ = near_.engaged() > CoupledNewton::capacity;
+    if (!crowded_ && iterate_coupled(jump)) return true;
+    if (iterate(jump) && (jump || is_plausible(tick_energy_))) return true;
+    if (!jump && !crowded_) keep_start();  // unconverged forces may have any energy
+    return false;
+  }
 
-  /// Record the places in contact relative to their tips at the end of the last tick; friction does so itself.
+  /// Record the places in contact at the end of the last tick, and where they were relative to their tips, which friction does itself.
   void note_start() noexcept {
+    held_ = std::min(near_.engaged(), CoupledNewton::capacity);
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
       p.known = true;
+      if (k < CoupledNewton::capacity) start_[at(k)] = {p.force, p.traction, p.layer_energy, p.stiffness, p.node, p.tip};
       if (friction_ || !near_.any_flexible()) continue;
       const NearNodes::Tip& tip = near_.tip_of(p);
       p.last_relative = p.free - p.free_change + near_.displacement(k) - tip.center + tip.last_move;
     }
   }
 
-  /// Find the forces by CoupledNewton, with the tips moved at once or in parts. Return whether they are found; otherwise they are as
-  /// before.
+  /// Find the forces by CoupledNewton. Return whether they are found.
   bool iterate_coupled(bool jump) noexcept {
-    const int held = near_.engaged();
-    if (held > CoupledNewton::capacity) return false;
-    for (int k = 0; k < held; ++k) start_[at(k)] = {near_.place(k).force, near_.place(k).traction};
-    for (const int parts : {1, 8}) {
-      if (jump && parts > 1) break;
-      bool found = true;
-      iterations_ = 0;
-      for (int part = 1; found && part <= parts; ++part) {
-        const double rest = static_cast<double>(part - parts) / parts;
-        for (int t = 0; t < near_.tip_count(); ++t) near_.tip(t).center += rest * near_.tip(t).last_move;
-        start_coupled(jump, part == 1, 1.0 / parts);
-        found = engage_and_solve();
-        for (int t = 0; t < near_.tip_count(); ++t) near_.tip(t).center -= rest * near_.tip(t).last_move;
-      }
-      if (found && (jump || is_plausible())) {
-        finish_coupled();
-        return true;
-      }
-      for (int k = 0; k < near_.engaged(); ++k) {
-        Place& p = near_.place(k);
-        p.force = k < held ? start_[at(k)].force : Vector3<>::Zero();
-        p.traction = k < held ? start_[at(k)].traction : Vector3<>::Zero();
-        near_.set_force(k);
-      }
-      for (int k = 0; k < near_.engaged(); ++k) move_node(k);
-    }
-    return false;
-  }
-
-  /// Bring the displacements of the places in contact to where the motion of the tips by `share` of a tick takes them.
-  void start_coupled(bool jump, bool first, double share) noexcept {
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
-      const NearNodes::Tip& tip = near_.tip_of(p);
-      if (!first)
-        p.displacement += share * tip.last_move;
-      else if (p.known && !jump)
-        p.displacement = p.last_relative + tip.center;
+      p.force = start_[at(k)].force;
+      p.traction = start_[at(k)].traction;
+      near_.set_force(k);
+    }
+    for (int k = 0; k < near_.engaged(); ++k) {
+      Place& p = near_.place(k);
+      if (p.known && !jump)
+        p.displacement = p.last_relative + near_.tip_of(p).center;
       else
         move_node(k);
     }
+    if (!engage_and_solve() || !(jump || is_plausible(coupled_energy()))) {
+      keep_start();
+      return false;
+    }
+    release_untouched();
+    tick_energy_ = coupled_energy();
+    if (friction_) friction_.resume(near_);
+    return true;
+  }
+
+  /// Return to the forces of the last tick; places that came into contact since then are released.
+  void keep_start() noexcept {
+    for (int k = near_.engaged() - 1; k >= 0; --k) {
+      Place& p = near_.place(k);
+      const auto end = start_.cbegin() + held_;
+      const auto start = std::find_if(start_.cbegin(), end, [&p](const Start& s) { return s.node == p.node && s.tip == p.tip; });
+      if (start == end) {
+        near_.disengage(k);
+        continue;
+      }
+      p.force = start->force;
+      p.traction = start->traction;
+      p.layer_energy = start->layer_energy;
+      p.stiffness = start->stiffness;
+      near_.set_force(k);
+    }
+    for (int k = 0; k < near_.engaged(); ++k) move_node(k);
+    tick_energy_ = coupled_energy();
+    if (friction_) friction_.resume(near_);
   }
 
   /// Solve for the places in contact until no other place comes into contact. Return whether that ended.
   bool engage_and_solve() noexcept {
+    iterations_ = 0;
     for (int round = 0; round < max_iterations; ++round) {
       const int before = near_.engaged();
       for (int k = before; (round > 0 || before == 0) && k < near_.count(); ++k) {
@@ -267,7 +277,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
         if (!near_.place(k).barred && near_.place(k).stiffness > 0.0) near_.engage(k);
       }
       if (round > 0 && near_.engaged() == before) return true;
-      if (near_.engaged() > CoupledNewton::capacity) return false;
+      crowded_ = near_.engaged() > CoupledNewton::capacity;
+      if (crowded_) return false;
       if (!coupled_.solve(near_, [this](int k, const Vector3<>& u) { return law(near_.place(k), u); })) return false;
       iterations_ += coupled_.iterations();
     }
@@ -327,25 +338,23 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return energy;
   }
 
-  /// Whether the motions of tips and body in this tick can have supplied the energy. Another solution, with the tips deep in the body, has
-  /// orders of magnitude more.
-  [[nodiscard]] bool is_plausible() const noexcept {
+  /// Whether the motions of tips and body in this tick can have supplied `energy` [J]. Another solution, with the tips deep in the body,
+  /// has orders of magnitude more.
+  [[nodiscard]] bool is_plausible(double energy) const noexcept {
     double supplied = last_energy_;
     for (int k = 0; k < near_.engaged(); ++k) {
       const Place& p = near_.place(k);
       const double size = p.force.norm() + p.traction.norm() + results_[at(p.tip)].force.norm();
       supplied += size * (near_.tip_of(p).last_move.norm() + p.free_change.norm());
     }
-    return coupled_energy() <= 2.0 * supplied;
+    return energy <= 2.0 * supplied;
   }
 
-  /// Release the places out of contact, and prepare the end of the tick.
-  void finish_coupled() noexcept {
+  /// Release the places out of contact.
+  void release_untouched() noexcept {
     for (int k = near_.engaged() - 1; k >= 0; --k)
       if (near_.place(k).stiffness == 0.0) near_.disengage(k);
     for (int k = 0; k < near_.engaged(); ++k) near_.set_clearance(k, 0.0, Vector3<>::Zero());
-    tick_energy_ = coupled_energy();
-    if (friction_) friction_.resume(near_);
   }
 
   void halve_last_change() noexcept {
@@ -609,8 +618,11 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
   static constexpr double max_sunk = 0.3;  // of the radius: depth of the center below the nearest node's tangent plane
 
-  struct Forces {
+  struct Start {
     Vector3<> force, traction;
+    double layer_energy, stiffness;
+    std::int32_t node;
+    int tip;
   };
 
   template <class T>
@@ -630,11 +642,12 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   std::array<PlacedTip, static_cast<std::size_t>(max_tips)> placed_{};
   std::array<ContactResult, static_cast<std::size_t>(max_tips)> results_{};
   Rows<Vector3<>> loads_{};
-  std::array<Forces, static_cast<std::size_t>(CoupledNewton::capacity)> start_{};  // of the places in contact, before iterate_coupled()
-  int iterations_ = 0, tick_ = 0;
+  std::array<Start, static_cast<std::size_t>(CoupledNewton::capacity)> start_{};  // of the first places in contact, at the last tick's end
+  int iterations_ = 0, tick_ = 0, held_ = 0;
   Rows<std::int32_t> load_node_{};
   bool started_ = false;
   bool taken_over_ = false;  // since the last step
+  bool crowded_ = false;     // more places in contact than CoupledNewton takes
 };
 
 }  // namespace palpate::deformable

@@ -91,3 +91,22 @@ def test_the_force_does_not_depend_on_the_registers_of_the_machine(
     assert felt[0].force[:, 2].max() > 2e-3
     for name in ("force", "deflection", "energy"):
         np.testing.assert_array_equal(getattr(felt[0], name), getattr(felt[1], name))
+
+
+@pytest.mark.parametrize("kind", ["elastic", "modal"])
+def test_a_tip_above_a_corner_of_the_beam_is_not_lost(kind: str) -> None:
+    """A swinging beam too leaves a tip whose center stays 3.5 mm and more above the top."""
+    made = fem.build(block((LENGTH, WIDTH, HEIGHT), 4e-3), young=YOUNG, fixed="x <= 0 mm", modes=12)
+    t = np.arange(0.0, 0.4, PERIOD)
+    when = np.linspace(0.0, t[-1], 6)
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        x, y, depth = (np.interp(t, when, random.uniform(*span, 6)) for span in ((57.5, 60.0), (0.5, 3.0), (-0.5, 2.5)))
+        path = np.stack([1e-3 * x, 1e-3 * y, HEIGHT + RADIUS - 1e-3 * depth], axis=1)
+        if kind == "modal":
+            body = made.modal(PERIOD, rayleigh_alpha="20 1/s", contact="signed_distance", static_friction=0.3)
+        else:
+            body = kind_of(made, kind, 0.3)
+        felt = body.simulate_path(path, RADIUS)
+        assert felt.force.any()
+        assert not felt.lost.any()

@@ -457,6 +457,23 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return true;
   }
 
+  /// Height of a tip's center over the point of a node's patch nearest to it, at rest. Unlike the node's mean normal at a corner, the
+  /// point's normal is that of its face.
+  [[nodiscard]] double height_over_patch(std::int32_t node, const NearNodes::Tip& tip) const noexcept {
+    Vector3<> center = tip.center - nodes_->point(node);
+    if (offset_ != nullptr && offset_->active()) center -= offset_->present(node);
+    const PatchPoints& points = *tip.points;
+    double least = std::numeric_limits<double>::infinity(), height = height_over(node, tip);
+    for (std::size_t q = points.begin(node); q < points.end(node); ++q) {
+      if (points.coordinate(6)[q] == 0.0F) continue;
+      const Vector3<> away = center - Vector3<>(points.coordinate(0)[q], points.coordinate(1)[q], points.coordinate(2)[q]);
+      if (away.squaredNorm() >= least) continue;
+      least = away.squaredNorm();
+      height = away.dot(Vector3<>(points.coordinate(3)[q], points.coordinate(4)[q], points.coordinate(5)[q]));
+    }
+    return height;
+  }
+
   [[nodiscard]] double height_over(std::int32_t node, const NearNodes::Tip& tip) const noexcept {
     Vector3<> away = tip.center - nodes_->point(node);
     if (offset_ != nullptr && offset_->active()) away -= offset_->present(node);
@@ -476,7 +493,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (!fell && !is_pulled_in(t)) continue;
       const int nearest = near_.nearest(t);
       const double sunk = tip.shape.shape == TipGeometry::Shape::capsule ? 0.0 : 0.25 * tip.shape.radius;
-      if (nearest < 0 || height_over(near_.place(nearest).node, tip) > -sunk) continue;
+      if (nearest < 0 || height_over_patch(near_.place(nearest).node, tip) > -sunk) continue;
       if (!fell && !is_under(near_.place(nearest).node, tip)) continue;
       tip.lost = released = true;
       near_.release(t);

@@ -108,4 +108,12 @@ inline SurfaceBody soft(const shapes::Shape& shape, double modulus, double give,
           }};
 }
 
+/// The shape on a spring: `give` [m/N] in each direction for all nodes alike, beside a compliance of 6 mm/N that falls off with distance.
+inline SurfaceBody sprung(const shapes::Shape& shape, double give) {
+  return {shape, 1e4, [&shape, give](std::size_t i, std::size_t j) {
+            const double own = 6e-3 * std::exp(-(shape.vertices[i] - shape.vertices[j]).norm() / 4e-3);
+            return Eigen::Matrix3d(own * Eigen::Vector3d(1.0, 0.8, 1.2).asDiagonal().toDenseMatrix() + give * Eigen::Matrix3d::Identity());
+          }};
+}
+
 }  // namespace contact_bodies

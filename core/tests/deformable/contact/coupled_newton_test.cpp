@@ -14,13 +14,8 @@ using contact_bodies::SurfaceBody;
 using palpate::deformable::ContactResult, palpate::deformable::DryFriction, palpate::deformable::SignedDistanceContact,
     palpate::deformable::TipGeometry, palpate::math::Vector3;
 
-/// The soft box of contact_bodies with `give` [m/N] more in each direction for all nodes alike: it hangs on a spring.
 SurfaceBody sprung(double give) {
-  static const shapes::Shape box = shapes::box({10e-3, 10e-3, 10e-3}, 5);
-  return {box, 1e4, [give](std::size_t i, std::size_t j) {
-            const double own = 6e-3 * std::exp(-(box.vertices[i] - box.vertices[j]).norm() / 4e-3);
-            return Eigen::Matrix3d(own * Eigen::Vector3d(1.0, 0.8, 1.2).asDiagonal().toDenseMatrix() + give * Eigen::Matrix3d::Identity());
-          }};
+  return contact_bodies::sprung(shapes::box({10e-3, 10e-3, 10e-3}, 5), give);
 }
 
 /// Center of a tip that presses, slides over the box and off it.

@@ -36,11 +36,7 @@ TEST(SignedDistanceContactNoAllocation, InAnyStep) {
 
 // A body on a soft spring, whose forces CoupledNewton finds.
 TEST(SignedDistanceContactNoAllocation, OnAFlexibleBody) {
-  const shapes::Shape box = shapes::box({10e-3, 10e-3, 10e-3}, 5);
-  const contact_bodies::SurfaceBody body(box, 1e4, [&box](std::size_t i, std::size_t j) {
-    const double own = 6e-3 * std::exp(-(box.vertices[i] - box.vertices[j]).norm() / 4e-3);
-    return Eigen::Matrix3d((own + 0.8) * Eigen::Matrix3d::Identity());
-  });
+  const contact_bodies::SurfaceBody body = contact_bodies::sprung(shapes::box({10e-3, 10e-3, 10e-3}, 5), 0.8);
   for (const double friction : {0.0, 0.4}) {
     SignedDistanceContact contact(body.nodes, body.compliance, body.patches, {friction, friction});
     int touching = 0;

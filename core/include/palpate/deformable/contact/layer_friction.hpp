@@ -66,38 +66,36 @@ class LayerFriction {
     return total.norm();
   }
 
-  /// Traction of a place with the displacement `u` [m] under the normal force `force` [N] of points of the stiffness `stiffness`, N.
-  [[nodiscard]] Vector3<> traction_at(const NearNodes& near, const NearNodes::Place& p, const Vector3<>& u, const Vector3<>& force,
+  /// Traction of a place displaced by `relative` from its tip's center [m] under the normal force `force` [N] of points of the stiffness
+  /// `stiffness`, N.
+  [[nodiscard]] Vector3<> traction_at(const NearNodes::Place& p, const Vector3<>& relative, const Vector3<>& force,
                                       double stiffness) const noexcept {
     const double size = force.norm();
     if (!p.rubs || !(stiffness > 0.0) || !(size > 0.0)) return Vector3<>::Zero();
-    const Vector3<> d = force / size, slip = u - near.tip_of(p).center - p.last_relative;
-    Vector3<> traction = kept(p, stiffness) * p.last_traction - shear_ratio_ * stiffness * slip;
+    const Vector3<> d = force / size;
+    Vector3<> traction = kept(p, stiffness) * p.last_traction - shear_ratio_ * stiffness * (relative - p.last_relative);
     traction -= traction.dot(d) * d;
-    const double limit = coefficient(p.tip) * size, square = traction.squaredNorm();
-    return square > limit * limit ? Vector3<>(traction * (limit / std::sqrt(square))) : traction;
+    return in_cone(traction, coefficient(p.tip) * size);
   }
 
-  /// Prepare finish() for tractions that were not found by sweep().
-  void resume(const NearNodes& near) noexcept { prepare(near); }
-
-  /// Record the state at the end of a tick, right after sweep() or resume().
+  /// Record the state at the end of a tick, when the forces are found.
   void finish(NearNodes& near) noexcept {
     std::array<bool, max_tips> all{}, any{};
     all.fill(true);
     for (int k = 0; k < near.engaged(); ++k) {
       NearNodes::Place& p = near.place(k);
       const Vector3<> relative = p.displacement - near.tip_of(p).center;
+      const Vector3<> kept_by_layer = carried(p);
       p.last_traction = p.traction;
       if (p.rubs && p.stiffness > 0.0) {
         const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.stiffness;
-        Vector3<> missing = (rub_[at(k)].carried - p.traction) / stiffness - (relative - p.last_relative);
+        Vector3<> missing = (kept_by_layer - p.traction) / stiffness - (relative - p.last_relative);
         missing -= missing.dot(p.direction) * p.direction;
         const bool slips = p.traction.squaredNorm() >= limit * limit * (1.0 - cone_tolerance) &&
                            p.traction.dot(missing) > cone_tolerance * limit * limit / stiffness;
-        const Vector3<> carried = p.traction + stiffness * missing;
-        const double size = carried.norm();
-        p.last_traction = size > limit ? Vector3<>(carried * (limit / size)) : carried;
+        const Vector3<> next = p.traction + stiffness * missing;
+        const double size = next.norm();
+        p.last_traction = size > limit ? Vector3<>(next * (limit / size)) : next;
         all[at(p.tip)] = all[at(p.tip)] && slips;
         any[at(p.tip)] = any[at(p.tip)] || slips;
       }
@@ -135,6 +133,15 @@ class LayerFriction {
   [[nodiscard]] static double kept(const NearNodes::Place& p, double stiffness) noexcept {
     return std::min(1.0, stiffness / p.last_stiffness);
   }
+  /// The last traction as far as the layer still carries it, N.
+  [[nodiscard]] static Vector3<> carried(const NearNodes::Place& p) noexcept {
+    return kept(p, p.stiffness) * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
+  }
+  /// A traction reduced to at most `limit` [N].
+  [[nodiscard]] static Vector3<> in_cone(const Vector3<>& traction, double limit) noexcept {
+    const double square = traction.squaredNorm();
+    return square > limit * limit ? Vector3<>(traction * (limit / std::sqrt(square))) : traction;
+  }
 
   /// Evaluate the displacements, and what the sweeps know of the places. Return the sum of the sizes of the normal forces, N.
   double prepare(const NearNodes& near) noexcept {
@@ -152,7 +159,7 @@ class LayerFriction {
       rub.limit = coefficient(p.tip) * force;
       rub.yielding = 1.0 / (shear_ratio_ * p.stiffness);
       rub.mobility = 1.0 / (across + rub.yielding);
-      rub.carried = kept(p, p.stiffness) * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
+      rub.carried = carried(p);
       rub.origin = near.tip_of(p).center + p.last_relative;
     }
     return sum;
@@ -175,9 +182,7 @@ class LayerFriction {
     const Vector3<> without_slip = traction + (rub.mobility * rub.yielding) * (rub.carried - traction);
     Vector3<> slip = displacement_.get(k) - rub.origin;
     slip -= slip.dot(d) * d;
-    const Vector3<> next = without_slip - rub.mobility * slip;
-    const double square = next.squaredNorm();
-    return (square > rub.limit * rub.limit ? Vector3<>(next * (rub.limit / std::sqrt(square))) : next) - p.traction;
+    return in_cone(without_slip - rub.mobility * slip, rub.limit) - p.traction;
   }
 
   DryFriction friction_;

@@ -37,7 +37,6 @@ class NearNodes {
     bool rubs = false;                            // since the last tick at least: friction acts
     bool barred = false;                          // not touched until the tip is clear of it
     bool flexible = false;                        // the body yields there much more than the layer
-    bool known = false;                           // last_relative is of the last tick
     Vector3<> force = Vector3<>::Zero();          // of the tip on the node, N
     Vector3<> traction = Vector3<>::Zero();       // friction on the node, across `direction`, N
     Vector3<> last_traction = Vector3<>::Zero();  // of the last tick, as far as the layer still carries it, N
@@ -288,7 +287,7 @@ class NearNodes {
     p.change.setZero();
     p.traction.setZero();
     p.last_traction.setZero();
-    p.rubs = p.known = false;
+    p.rubs = false;
   }
 
   /// Distance of a node's patch from a tip, m, with the node anywhere between rest and the mean displacement.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <limits>
 #include <type_traits>
@@ -19,8 +20,10 @@ namespace palpate::deformable {
 
 /// Points of a node in contact with a tip.
 struct PressedPoints {
-  double energy = 0.0;     ///< J
-  double clearance = 0.0;  ///< signed distance of the tip from the nearest point, m
+  Vector3<> force = Vector3<>::Zero();  ///< of the tip on the node, N
+  double stiffness = 0.0;               ///< of the points in contact, N/m
+  double energy = 0.0;                  ///< J
+  double clearance = 0.0;               ///< signed distance of the tip from the nearest point, m
 };
 
 namespace detail {
@@ -65,19 +68,19 @@ template <class Scalar>
 
 }  // namespace detail
 
-/// Press the points of a place's node at `at` relative to the tip [m]: add to the place's target and stiffness. With `settle` record the
-/// creep of the layer at the end of the period instead; the energy is the one stored then, without LayerCreep::delayed_energy(). `layer` is
-/// null without creep. `Scalar` is FloatPack, or DoublePack, which cannot settle.
+/// Press the points of a node at `at` relative to the tip [m]. With `settle` record the creep of the layer at the end of the period
+/// instead; the energy is the one stored then, without LayerCreep::delayed_energy(), and there is no force. `layer` is null without creep.
+/// `Scalar` is FloatPack, or DoublePack, which cannot settle.
 template <bool settle, class Scalar = detail::FloatPack>
-PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer) noexcept {
+PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer) noexcept {
   using math::any, math::select, math::max_of, math::min_of;
   constexpr std::size_t lanes = std::is_same_v<Scalar, detail::FloatPack> ? detail::float_lanes : detail::DoublePack::width;
   const PatchPoints& points = *tip.points;
   const auto load = [&points](std::size_t number, std::size_t q) { return detail::read_pack<Scalar>(points.coordinate(number) + q); };
   Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
   Scalar stiffness(0.0), energy(0.0), delayed(0.0), deepest(-std::numeric_limits<float>::max());
-  const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(p.node)) : 0.0);
-  for (std::size_t q = points.begin(p.node); q < points.end(p.node); q += lanes) {
+  const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(node)) : 0.0);
+  for (std::size_t q = points.begin(node); q < points.end(node); q += lanes) {
     const Vector3<Scalar> y(load(0, q) + Scalar(at[0]), load(1, q) + Scalar(at[1]), load(2, q) + Scalar(at[2]));
     const Vector3<Scalar> normal(load(3, q), load(4, q), load(5, q));
     const auto in = tip.shape.evaluate<Scalar>(y, normal);
@@ -106,13 +109,13 @@ PressedPoints press_points(NearNodes::Place& p, const NearNodes::Tip& tip, const
     stiffness += select(excess > Scalar(0.0), pressed * (in.slope * in.slope), Scalar(0.0));
     energy += push * depth;
   }
-  const PressedPoints all{.energy = 0.5 * detail::total_of(energy), .clearance = -detail::most_of(deepest)};
+  PressedPoints all{.energy = 0.5 * detail::total_of(energy), .clearance = -detail::most_of(deepest)};
   if constexpr (settle) {
     layer->add_energy(0.5 * static_cast<double>(layer->delayed()) * detail::total_of(delayed));
   } else {
     const auto sums = detail::totals_of(force[0], force[1], force[2], stiffness);
-    p.target += Vector3<>(sums[0], sums[1], sums[2]);
-    p.stiffness += sums[3];
+    all.force = Vector3<>(sums[0], sums[1], sums[2]);
+    all.stiffness = sums[3];
   }
   return all;
 }

@@ -90,7 +90,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     for (LayerCreep& layer : layers_) layer.begin_period();
     for (int t = 0; t < near_.tip_count(); ++t) check_inside(t, !started_ || near_.tip(t).jump);
     started_ = true;
-    note_start();
+    if (near_.any_flexible()) note_start();
     predict();
     const bool converged = find_forces(jump);
     if (offset_ != nullptr) near_.admit_cleared();
@@ -211,9 +211,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     held_ = std::min(near_.engaged(), CoupledNewton::capacity);
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
-      p.known = true;
-      if (k < CoupledNewton::capacity) start_[at(k)] = {p.force, p.traction, p.layer_energy, p.stiffness, p.node, p.tip};
-      if (friction_ || !near_.any_flexible()) continue;
+      if (k < held_) start_[at(k)] = {p.force, p.traction, p.layer_energy, p.stiffness, p.node, p.tip};
+      if (friction_) continue;
       const NearNodes::Tip& tip = near_.tip_of(p);
       p.last_relative = p.free - p.free_change + near_.displacement(k) - tip.center + tip.last_move;
     }
@@ -229,10 +228,10 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     }
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
-      if (p.known && !jump)
-        p.displacement = p.last_relative + near_.tip_of(p).center;
-      else
+      if (jump)
         move_node(k);
+      else
+        p.displacement = p.last_relative + near_.tip_of(p).center;
     }
     if (!engage_and_solve() || !(jump || is_plausible(coupled_energy()))) {
       keep_start();
@@ -240,7 +239,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     }
     release_untouched();
     tick_energy_ = coupled_energy();
-    if (friction_) friction_.resume(near_);
     return true;
   }
 
@@ -262,7 +260,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     }
     for (int k = 0; k < near_.engaged(); ++k) move_node(k);
     tick_energy_ = coupled_energy();
-    if (friction_) friction_.resume(near_);
   }
 
   /// Solve for the places in contact until no other place comes into contact. Return whether that ended.
@@ -318,13 +315,12 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   }
 
   /// Force at a place with the displacement `u` [m].
-  [[nodiscard]] CoupledNewton::Force law(Place p, const Vector3<>& u) noexcept {
+  [[nodiscard]] CoupledNewton::Force law(const Place& p, const Vector3<>& u) noexcept {
     const NearNodes::Tip& tip = near_.tip_of(p);
-    p.target.setZero();
-    p.stiffness = 0.0;
-    const PressedPoints pressed = press_points<false, detail::DoublePack>(p, tip, nodes_->point(p.node) + u - tip.center, layer_of(tip));
-    CoupledNewton::Force f{.normal = p.target, .stiffness = p.stiffness, .energy = pressed.energy};
-    if (friction_) f.traction = friction_.traction_at(near_, p, u, f.normal, f.stiffness);
+    const Vector3<> at = nodes_->point(p.node) + u - tip.center;
+    const PressedPoints pressed = press_points<false, detail::DoublePack>(p.node, tip, at, layer_of(tip));
+    CoupledNewton::Force f{.normal = pressed.force, .stiffness = pressed.stiffness, .energy = pressed.energy};
+    if (friction_) f.traction = friction_.traction_at(p, u - tip.center, f.normal, f.stiffness);
     return f;
   }
 
@@ -399,9 +395,9 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (near_.still_clear(k, at)) return 0.0;
       gap = tip.shape.distance(at) - tip.points->reach(p.node);
     }
-    p.target.setZero();
-    p.stiffness = 0.0;
-    const PressedPoints pressed = gap > 0.0 ? PressedPoints{.clearance = gap} : press_points<false>(p, tip, at, layer_of(tip));
+    const PressedPoints pressed = gap > 0.0 ? PressedPoints{.clearance = gap} : press_points<false>(p.node, tip, at, layer_of(tip));
+    p.target = pressed.force;
+    p.stiffness = pressed.stiffness;
     p.layer_energy = pressed.energy;
     near_.set_clearance(k, std::max(pressed.clearance, 0.0), at);
     return p.layer_energy + 0.5 * p.force.dot(p.displacement - p.free);
@@ -418,7 +414,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     const NearNodes::Tip& tip = near_.tip_of(p);
     LayerCreep* const layer = layer_of(tip);
     if (layer == nullptr) return;
-    p.layer_energy = press_points<true>(p, tip, nodes_->point(p.node) + p.displacement - tip.center, layer).energy;
+    p.layer_energy = press_points<true>(p.node, tip, nodes_->point(p.node) + p.displacement - tip.center, layer).energy;
     layer->mark(p.node);
   }
 

@@ -110,3 +110,27 @@ def test_a_tip_above_a_corner_of_the_beam_is_not_lost(kind: str) -> None:
         felt = body.simulate_path(path, RADIUS)
         assert felt.force.any()
         assert not felt.lost.any()
+
+
+@pytest.mark.filterwarnings("ignore:the forces of")
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_two_tips_that_pinch_the_beam_return_no_more_than_their_work(beam: Body, friction: float) -> None:
+    """Random pinches, where the contact snaps; forces that are not found keep those of the last tick."""
+    t = np.arange(0.0, 1.2, PERIOD)
+    when = np.linspace(0.0, 1.2, 7)
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        tips = []
+        for side in (1.0, -1.0):
+            x = np.interp(t, when, np.clip(random.uniform(25.0, 55.0) + random.uniform(-6.0, 6.0, 7), 5.0, 58.0))
+            y = np.interp(t, when, random.uniform(2.0, 10.0, 7))
+            depth = np.interp(t, when, [-0.3, *random.uniform(0.0, 2.5, 5), -0.3])
+            z = 6.0 + side * (12.0 - depth)
+            tips.append(1e-3 * np.stack([x, y, z], axis=1))
+        felt = kind_of(beam, "elastic", friction).simulate_tips(np.stack(tips, axis=1), [RADIUS, RADIUS])
+        work = np.zeros(len(t) - 1)
+        for tip, history in zip(tips, felt, strict=True):
+            work -= (0.5 * (history.force[1:] + history.force[:-1]) * np.diff(tip, axis=0)).sum(axis=1).cumsum()
+        kept = work - felt[0].energy[1:]
+        assert felt[0].energy.max() > 2e-5
+        assert (kept - np.maximum.accumulate(kept)).min() > -0.05 * felt[0].energy.max()

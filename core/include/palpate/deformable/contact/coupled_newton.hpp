@@ -19,7 +19,7 @@ namespace palpate::deformable {
 /// It counts what ContactNewton and the sweeps of LayerFriction neglect: the turn of the normal forces, and the coupling of normal force
 /// and friction by the body. On a body that yields much more than the layer of the contact, such as a cantilever, these decide. The factors
 /// of the matrix serve until the steps shrink slowly. A step is halved until the next one with the same factors is smaller (natural
-/// monotonicity test, Deuflhard 2004, section 3.3). Where no such step leads to a solution, the body is followed as if it were damped.
+/// monotonicity test, Deuflhard 2004, section 3.3). Where no such step leads to a solution, the body can be followed as if it were damped.
 class CoupledNewton {
  public:
   static constexpr int capacity = 64;  ///< places in contact
@@ -33,18 +33,18 @@ class CoupledNewton {
   CoupledNewton() : compliance_(square(capacity)), matrix_(square(3 * capacity)) {}
 
   /// Find the displacements of the engaged places, at most `capacity`, from their present ones on, and set their forces. `law(k, u)` is the
-  /// force at place k. Return false if they are not found; the forces are then unchanged.
+  /// force at place k. With `damped`, the body is followed as if it were damped. Return false if they are not found; the forces are then
+  /// unchanged.
   template <class Law>
-  bool solve(NearNodes& near, const Law& law) noexcept {
+  bool solve(NearNodes& near, bool damped, const Law& law) noexcept {
     if (gather(near)) factored_ = false;
     iterations_ = 0;
-    work_ = 0.0;
     for (int k = 0; k < count_; ++k) {
       const NearNodes::Place& p = near.place(k);
       begin_[at(k)] = p.displacement;
       internal_[at(k)] = p.force + p.traction;
     }
-    if (!find(near, law, 0.0) && !find_damped(near, law)) return false;
+    if (damped ? !find_damped(near, law) : !find(near, law, 0.0)) return false;
     for (int k = 0; k < count_; ++k) {
       NearNodes::Place& p = near.place(k);
       const Force f = law(k, p.displacement);
@@ -60,6 +60,8 @@ class CoupledNewton {
     return true;
   }
 
+  /// Begin a tick: its solutions share one bound on their work.
+  void begin_tick() noexcept { work_ = 0.0; }
   /// Number of iterations of the last solve().
   [[nodiscard]] int iterations() const noexcept { return iterations_; }
   void reset() noexcept { count_ = 0; }
@@ -69,8 +71,8 @@ class CoupledNewton {
   static constexpr double rounding = 1e-8;   // of displacements, relative to the radius
   static constexpr double slow = 0.3;        // ratio of two steps with which the factors are not kept
   static constexpr int max_iterations = 12;  // of one solution
-  static constexpr int max_damped = 40;      // solutions of the damped body
-  static constexpr double max_work = 4e7;    // of one solve(), three multiplications and more each: 4 to 10 ms
+  static constexpr int max_damped = 200;     // solutions of the damped body
+  static constexpr double max_work = 1e8;    // of one tick, three multiplications and more each: 20 to 60 ms
 
   template <class T>
   using Rows = std::array<T, static_cast<std::size_t>(capacity)>;
@@ -256,7 +258,7 @@ class CoupledNewton {
   int count_ = 0, iterations_ = 0;
   bool factored_ = false;
   double law_share_ = 1.0;             // of the law in driving_; internal_ has the rest
-  double work_ = 0.0;                  // of this solve()
+  double work_ = 0.0;                  // of this tick
   double total_ = 0.0;                 // of the sizes of the normal forces, N
   std::vector<Matrix3<>> compliance_;  // m/N
   std::vector<double> matrix_;         // its factors, by columns

@@ -110,6 +110,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     started_ = taken_over_ = false;
     if (offset_ != nullptr) offset_->release();
     last_energy_ = tick_energy_ = 0.0;
+    found_ = true;
     newton_.reset();
     coupled_.reset();
     results_.fill({});
@@ -157,14 +158,25 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   [[nodiscard]] const Vector3<>& normal_force(int k) const noexcept { return near_.place(k).force; }
 
  private:
-  static constexpr int far_interval = 4;           // ticks between evaluations of the motion of a node away from the tips
-  static constexpr double max_smooth_move = 0.05;  // of the radius per tick; beyond it every node near the tip is evaluated
-  static constexpr double acceptable = 20.0;       // times the tolerance: the next tick continues from there
-  static constexpr double rubbing = 5.0;           // the same after one iteration of a tick that may be brief
-  static constexpr double slipping = 50.0;         // and after two: a contact that begins to slip as a whole loses force in one tick
-  static constexpr double brief_move = 5e-4;       // of the radius per tick; with friction, a tick of a tip that moves farther may be brief
+  static constexpr int far_interval = 4;               // ticks between evaluations of the motion of a node away from the tips
+  static constexpr double max_smooth_move = 0.05;      // of the radius per tick; beyond it every node near the tip is evaluated
+  static constexpr double acceptable = 20.0;           // times the tolerance: the next tick continues from there
+  static constexpr double rubbing = 5.0;               // the same after one iteration of a tick that may be brief
+  static constexpr double slipping = 50.0;             // and after two: a contact that begins to slip as a whole loses force in one tick
+  static constexpr double smallest_part = 1.0 / 16.0;  // of a tick, where a flexible body is followed in parts
+  static constexpr double snap_reach = 0.03;           // of the radius: gap of places that take part where the contact snaps
+  static constexpr double unaccounted = 0.02;          // share of energy and work by which the forces of such a part may exceed them
+  static constexpr double brief_move = 5e-4;  // of the radius per tick; with friction, a tick of a tip that moves farther may be brief
 
   using Place = NearNodes::Place;
+
+  /// A place in contact at the end of the last tick, or of a part of this one.
+  struct Start {
+    Vector3<> force, traction, displacement;
+    double layer_energy, stiffness;
+    std::int32_t node;
+    int tip;
+  };
 
   [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
 
@@ -200,40 +212,43 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   bool find_forces(bool jump) noexcept {
     if (!near_.any_flexible()) return iterate(jump);
     crowded_ = near_.engaged() > CoupledNewton::capacity;
-    if (!crowded_ && iterate_coupled(jump)) return true;
-    if (iterate(jump) && (jump || is_plausible(tick_energy_))) return true;
-    if (!jump && !crowded_) keep_start();  // unconverged forces may have any energy
-    return false;
+    bool found = !crowded_ && iterate_coupled(jump);
+    if (!found) {
+      found = iterate(jump) && (jump || crowded_ || is_balanced(start_.data(), held_, start_energy_, 1.0, true));
+      if (!found && !jump && !crowded_) keep_start();  // unconverged forces may have any energy
+    }
+    found_ = found;
+    return found;
   }
 
-  /// Record the places in contact at the end of the last tick, and where they were relative to their tips, which friction does itself.
+  /// Record the places in contact at the end of the last tick.
   void note_start() noexcept {
     held_ = std::min(near_.engaged(), CoupledNewton::capacity);
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
-      if (k < held_) start_[at(k)] = {p.force, p.traction, p.layer_energy, p.stiffness, p.node, p.tip};
-      if (friction_) continue;
       const NearNodes::Tip& tip = near_.tip_of(p);
-      p.last_relative = p.free - p.free_change + near_.displacement(k) - tip.center + tip.last_move;
+      const Vector3<> center = tip.center - tip.last_move;
+      if (!friction_) p.last_relative = p.free - p.free_change + near_.displacement(k) - center;
+      p.displacement = p.last_relative + center;
+    }
+    record(start_.data(), held_);
+    start_energy_ = energy_of_forces();
+  }
+
+  /// Record the first places in contact, `held` of them.
+  void record(Start* states, int held) const noexcept {
+    for (int k = 0; k < held; ++k) {
+      const Place& p = near_.place(k);
+      states[k] = {p.force, p.traction, p.displacement, p.layer_energy, p.stiffness, p.node, p.tip};
     }
   }
 
   /// Find the forces by CoupledNewton. Return whether they are found.
   bool iterate_coupled(bool jump) noexcept {
-    for (int k = 0; k < near_.engaged(); ++k) {
-      Place& p = near_.place(k);
-      p.force = start_[at(k)].force;
-      p.traction = start_[at(k)].traction;
-      near_.set_force(k);
-    }
-    for (int k = 0; k < near_.engaged(); ++k) {
-      Place& p = near_.place(k);
-      if (jump)
-        move_node(k);
-      else
-        p.displacement = p.last_relative + near_.tip_of(p).center;
-    }
-    if (!engage_and_solve() || !(jump || is_plausible(coupled_energy()))) {
+    iterations_ = 0;
+    coupled_.begin_tick();
+    for (int k = 0; k < near_.engaged(); ++k) set_state(k, start_[at(k)]);
+    if (!(jump ? solve_from_forces(false) || solve_from_forces(true) : follow_motions())) {
       keep_start();
       return false;
     }
@@ -242,29 +257,93 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return true;
   }
 
-  /// Return to the forces of the last tick; places that came into contact since then are released.
-  void keep_start() noexcept {
-    for (int k = near_.engaged() - 1; k >= 0; --k) {
-      Place& p = near_.place(k);
-      const auto end = start_.cbegin() + held_;
-      const auto start = std::find_if(start_.cbegin(), end, [&p](const Start& s) { return s.node == p.node && s.tip == p.tip; });
-      if (start == end) {
-        near_.disengage(k);
+  /// Solve from the displacements by the present forces on.
+  bool solve_from_forces(bool damped) noexcept {
+    for (int k = 0; k < near_.engaged(); ++k) move_node(k);
+    return engage_and_solve(damped);
+  }
+
+  /// Follow the equilibrium over the tick's motions of tips and body, in parts where Newton's method leads to none or to another one. Only
+  /// within the smallest part may the contact snap. Return whether it is found to the end. The tips and the free body are then there.
+  bool follow_motions() noexcept {
+    double done = 0.0, reached = 1.0, part = 1.0, energy = start_energy_;
+    int held = held_;
+    bool damped = false;
+    part_ = start_;
+    while (done < 1.0) {
+      move_by(done + part - reached);
+      reached = done + part;
+      for (int k = 0; k < held; ++k) {
+        Place& p = near_.place(k);
+        p.displacement = part_[at(k)].displacement + part * near_.tip_of(p).last_move;
+      }
+      if (engage_and_solve(damped) && is_balanced(part_.data(), held, energy, part, damped)) {
+        done = reached;
+        held = near_.engaged();
+        record(part_.data(), held);
+        energy = energy_of_forces();
+        part = std::min(2.0 * part, 1.0 - done);
+        damped = false;
         continue;
       }
-      p.force = start->force;
-      p.traction = start->traction;
-      p.layer_energy = start->layer_energy;
-      p.stiffness = start->stiffness;
-      near_.set_force(k);
+      while (near_.engaged() > held) near_.disengage(near_.engaged() - 1);
+      for (int k = 0; k < held; ++k) set_state(k, part_[at(k)]);
+      if (damped) {
+        move_by(1.0 - reached);
+        return false;
+      }
+      damped = part <= smallest_part;
+      if (!damped) part *= 0.5;
     }
+    return true;
+  }
+
+  /// Move the tips and the free body by a share of this tick's motions.
+  void move_by(double share) noexcept {
+    if (share == 0.0) return;
+    for (int t = 0; t < near_.tip_count(); ++t) near_.tip(t).center += share * near_.tip(t).last_move;
+    for (int k = 0; k < near_.count(); ++k) near_.place(k).free += share * near_.place(k).free_change;
+  }
+
+  /// Return to the forces of the last tick, and to its places in contact.
+  void keep_start() noexcept {
+    const auto state_of = [this](const Place& p) {
+      return std::find_if(start_.cbegin(), start_.cbegin() + held_, [&p](const Start& s) { return s.node == p.node && s.tip == p.tip; });
+    };
+    for (int k = near_.engaged() - 1; k >= 0; --k)
+      if (state_of(near_.place(k)) == start_.cbegin() + held_) near_.disengage(k);
+    for (int k = near_.engaged(); k < near_.count() && near_.engaged() < held_; ++k)
+      if (state_of(near_.place(k)) != start_.cbegin() + held_) near_.engage(k);
+    for (int k = 0; k < near_.engaged(); ++k) set_state(k, *state_of(near_.place(k)));
     for (int k = 0; k < near_.engaged(); ++k) move_node(k);
     tick_energy_ = coupled_energy();
   }
 
-  /// Solve for the places in contact until no other place comes into contact. Return whether that ended.
-  bool engage_and_solve() noexcept {
-    iterations_ = 0;
+  void set_state(int k, const Start& state) noexcept {
+    Place& p = near_.place(k);
+    p.force = state.force;
+    p.traction = state.traction;
+    p.layer_energy = state.layer_energy;
+    p.stiffness = state.stiffness;
+    near_.set_force(k);
+  }
+
+  /// Let the places close to their tips take part: where the contact snaps, they hold the body before it is in another equilibrium.
+  void engage_close() noexcept {
+    for (int k = near_.engaged(); k < near_.count() && near_.engaged() < CoupledNewton::capacity / 2; ++k) {
+      const Place& p = near_.place(k);
+      const NearNodes::Tip& tip = near_.tip_of(p);
+      if (p.barred || tip.lost) continue;
+      move_node(k);
+      const double gap = tip.shape.distance(nodes_->point(p.node) + p.displacement - tip.center) - tip.points->reach(p.node);
+      if (gap < snap_reach * tip.shape.radius) near_.engage(k);
+    }
+  }
+
+  /// Solve for the places in contact until no other place comes into contact; `damped` lets the contact snap to another equilibrium. Return
+  /// whether that ended.
+  bool engage_and_solve(bool damped) noexcept {
+    if (damped) engage_close();
     for (int round = 0; round < max_iterations; ++round) {
       const int before = near_.engaged();
       for (int k = before; (round > 0 || before == 0) && k < near_.count(); ++k) {
@@ -276,7 +355,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (round > 0 && near_.engaged() == before) return true;
       crowded_ = near_.engaged() > CoupledNewton::capacity;
       if (crowded_) return false;
-      if (!coupled_.solve(near_, [this](int k, const Vector3<>& u) { return law(near_.place(k), u); })) return false;
+      if (!coupled_.solve(near_, damped, [this](int k, const Vector3<>& u) { return law(near_.place(k), u); })) return false;
       iterations_ += coupled_.iterations();
     }
     return false;
@@ -334,16 +413,34 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return energy;
   }
 
-  /// Whether the motions of tips and body in this tick can have supplied `energy` [J]. Another solution, with the tips deep in the body,
-  /// has orders of magnitude more.
-  [[nodiscard]] bool is_plausible(double energy) const noexcept {
-    double supplied = last_energy_;
+  /// Energy that the forces have stored in the body and in the layers, in shear as well, J.
+  [[nodiscard]] double energy_of_forces() const noexcept {
+    double energy = 0.0;
     for (int k = 0; k < near_.engaged(); ++k) {
       const Place& p = near_.place(k);
-      const double size = p.force.norm() + p.traction.norm() + results_[at(p.tip)].force.norm();
-      supplied += size * (near_.tip_of(p).last_move.norm() + p.free_change.norm());
+      energy += p.layer_energy + 0.5 * (p.force + p.traction).dot(near_.displacement(k));
+      if (friction_) energy += friction_.energy(p);
     }
-    return energy <= 2.0 * supplied;
+    return energy;
+  }
+
+  /// Whether the work of the motions over a `part` of the tick accounts for the energy at its end, `energy` [J] being that at its begin.
+  /// The work lies between those of the first and of the last forces. Contact that snaps dissipates, and so does friction; another
+  /// solution, with the tips deep in the body, has too much. After forces that were not found the balance is rough.
+  [[nodiscard]] bool is_balanced(const Start* before, int held, double energy, double part, bool may_drop) const noexcept {
+    double first = 0.0, last = 0.0, rubbed = 0.0;
+    for (int k = 0; k < near_.engaged(); ++k) {
+      const Place& p = near_.place(k);
+      const Vector3<> way = part * near_.way(p);
+      last -= (p.force + p.traction).dot(way);
+      if (k >= held) continue;
+      first -= (before[k].force + before[k].traction).dot(way);
+      const Vector3<> slip = p.displacement - before[k].displacement - part * near_.tip_of(p).last_move;
+      rubbed += 0.5 * (p.traction + before[k].traction).norm() * slip.norm();
+    }
+    const double now = energy_of_forces(), work = std::max(first, last), rough = found_ ? unaccounted : 1.0;
+    const double allowed = rough * (energy + std::abs(work));
+    return now <= energy + work + allowed && (may_drop || now >= energy + std::min(first, last) - rubbed - allowed);
   }
 
   /// Release the places out of contact.
@@ -631,13 +728,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
   static constexpr double max_sunk = 0.3;  // of the radius: depth of the center below the nearest node's tangent plane
 
-  struct Start {
-    Vector3<> force, traction;
-    double layer_energy, stiffness;
-    std::int32_t node;
-    int tip;
-  };
-
   template <class T>
   using Rows = std::array<T, static_cast<std::size_t>(capacity)>;
 
@@ -655,10 +745,12 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   std::array<PlacedTip, static_cast<std::size_t>(max_tips)> placed_{};
   std::array<ContactResult, static_cast<std::size_t>(max_tips)> results_{};
   Rows<Vector3<>> loads_{};
-  std::array<Start, static_cast<std::size_t>(CoupledNewton::capacity)> start_{};  // of the first places in contact, at the last tick's end
+  std::array<Start, static_cast<std::size_t>(CoupledNewton::capacity)> start_{}, part_{};  // at the end of the last tick, of a part
+  double start_energy_ = 0.0;                                                              // of the forces at the end of the last tick, J
   int iterations_ = 0, tick_ = 0, held_ = 0;
   Rows<std::int32_t> load_node_{};
   bool started_ = false;
+  bool found_ = true;        // the forces of the last tick on a flexible body
   bool taken_over_ = false;  // since the last step
   bool crowded_ = false;     // more places in contact than CoupledNewton takes
 };

@@ -44,7 +44,7 @@ class CoupledNewton {
       begin_[at(k)] = p.displacement;
       internal_[at(k)] = p.force + p.traction;
     }
-    if (damped ? !find_damped(near, law) : !find(near, law, 0.0)) return false;
+    if (!(damped ? find_damped(near, law) : find(near, law, 0.0))) return false;
     for (int k = 0; k < count_; ++k) {
       NearNodes::Place& p = near.place(k);
       const Force f = law(k, p.displacement);

@@ -158,24 +158,38 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   [[nodiscard]] const Vector3<>& normal_force(int k) const noexcept { return near_.place(k).force; }
 
  private:
-  static constexpr int far_interval = 4;               // ticks between evaluations of the motion of a node away from the tips
-  static constexpr double max_smooth_move = 0.05;      // of the radius per tick; beyond it every node near the tip is evaluated
-  static constexpr double acceptable = 20.0;           // times the tolerance: the next tick continues from there
-  static constexpr double rubbing = 5.0;               // the same after one iteration of a tick that may be brief
-  static constexpr double slipping = 50.0;             // and after two: a contact that begins to slip as a whole loses force in one tick
-  static constexpr double smallest_part = 1.0 / 16.0;  // of a tick, where a flexible body is followed in parts
+  static constexpr int far_interval = 4;           // ticks between evaluations of the motion of a node away from the tips
+  static constexpr double max_smooth_move = 0.05;  // of the radius per tick; beyond it every node near the tip is evaluated
+  static constexpr double acceptable = 20.0;       // times the tolerance: the next tick continues from there
+  static constexpr double rubbing = 5.0;           // the same after one iteration of a tick that may be brief
+  static constexpr double slipping = 50.0;         // and after two: a contact that begins to slip as a whole loses force in one tick
+  static constexpr double brief_move = 5e-4;       // of the radius per tick; with friction, a tick of a tip that moves farther may be brief
+
+  // of flexible bodies
+  static constexpr double smallest_part = 1.0 / 16.0;  // of a tick; a part of it is not halved further
   static constexpr double snap_reach = 0.03;           // of the radius: gap of places that take part where the contact snaps
-  static constexpr double unaccounted = 0.02;          // share of energy and work by which the forces of such a part may exceed them
-  static constexpr double brief_move = 5e-4;  // of the radius per tick; with friction, a tick of a tip that moves farther may be brief
+  static constexpr double unaccounted = 0.02;          // share of energy and work by which an energy may differ from their sum
 
   using Place = NearNodes::Place;
 
-  /// A place in contact at the end of the last tick, or of a part of this one.
-  struct Start {
-    Vector3<> force, traction, displacement;
-    double layer_energy, stiffness;
-    std::int32_t node;
-    int tip;
+  /// The places in contact at the end of the last tick, or of a part of this one, and the energy of their forces, J.
+  struct Equilibrium {
+    struct State {
+      Vector3<> force, traction, displacement;
+      double layer_energy, stiffness;
+      std::int32_t node;
+      int tip;
+    };
+    std::array<State, static_cast<std::size_t>(CoupledNewton::capacity)> states;
+    int count = 0;
+    double energy = 0.0;
+
+    /// State of a place, or null.
+    [[nodiscard]] const State* find(const Place& p) const noexcept {
+      const State* const end = states.data() + count;
+      const State* const s = std::find_if(states.data(), end, [&p](const State& s) { return s.node == p.node && s.tip == p.tip; });
+      return s != end ? s : nullptr;
+    }
   };
 
   [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
@@ -214,7 +228,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     crowded_ = near_.engaged() > CoupledNewton::capacity;
     bool found = !crowded_ && iterate_coupled(jump);
     if (!found) {
-      found = iterate(jump) && (jump || crowded_ || is_balanced(start_.data(), held_, start_energy_, 1.0, true));
+      found = iterate(jump) && (jump || crowded_ || is_balanced(start_, 1.0, true));
       if (!found && !jump && !crowded_) keep_start();  // unconverged forces may have any energy
     }
     found_ = found;
@@ -223,7 +237,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
   /// Record the places in contact at the end of the last tick.
   void note_start() noexcept {
-    held_ = std::min(near_.engaged(), CoupledNewton::capacity);
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
       const NearNodes::Tip& tip = near_.tip_of(p);
@@ -231,23 +244,30 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (!friction_) p.last_relative = p.free - p.free_change + near_.displacement(k) - center;
       p.displacement = p.last_relative + center;
     }
-    record(start_.data(), held_);
-    start_energy_ = energy_of_forces();
+    record(start_);
   }
 
-  /// Record the first places in contact, `held` of them.
-  void record(Start* states, int held) const noexcept {
-    for (int k = 0; k < held; ++k) {
+  /// Record the places in contact, as many as CoupledNewton takes.
+  void record(Equilibrium& now) const noexcept {
+    now.count = std::min(near_.engaged(), CoupledNewton::capacity);
+    for (int k = 0; k < now.count; ++k) {
       const Place& p = near_.place(k);
-      states[k] = {p.force, p.traction, p.displacement, p.layer_energy, p.stiffness, p.node, p.tip};
+      now.states[at(k)] = {p.force, p.traction, p.displacement, p.layer_energy, p.stiffness, p.node, p.tip};
     }
+    now.energy = energy_of_forces();
+  }
+
+  /// Return to the forces of an equilibrium since which places have only come into contact.
+  void return_to(const Equilibrium& before) noexcept {
+    while (near_.engaged() > before.count) near_.disengage(near_.engaged() - 1);
+    for (int k = 0; k < before.count; ++k) set_state(k, before.states[at(k)]);
   }
 
   /// Find the forces by CoupledNewton. Return whether they are found.
   bool iterate_coupled(bool jump) noexcept {
     iterations_ = 0;
     coupled_.begin_tick();
-    for (int k = 0; k < near_.engaged(); ++k) set_state(k, start_[at(k)]);
+    return_to(start_);
     if (!(jump ? solve_from_forces(false) || solve_from_forces(true) : follow_motions())) {
       keep_start();
       return false;
@@ -266,28 +286,25 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   /// Follow the equilibrium over the tick's motions of tips and body, in parts where Newton's method leads to none or to another one. Only
   /// within the smallest part may the contact snap. Return whether it is found to the end. The tips and the free body are then there.
   bool follow_motions() noexcept {
-    double done = 0.0, reached = 1.0, part = 1.0, energy = start_energy_;
-    int held = held_;
-    bool damped = false;
-    part_ = start_;
-    while (done < 1.0) {
+    const Equilibrium* before = &start_;
+    double done = 0.0, reached = 1.0, part = 1.0;
+    for (bool damped = false;;) {
       move_by(done + part - reached);
       reached = done + part;
-      for (int k = 0; k < held; ++k) {
+      for (int k = 0; k < before->count; ++k) {
         Place& p = near_.place(k);
-        p.displacement = part_[at(k)].displacement + part * near_.tip_of(p).last_move;
+        p.displacement = before->states[at(k)].displacement + part * near_.tip_of(p).last_move;
       }
-      if (engage_and_solve(damped) && is_balanced(part_.data(), held, energy, part, damped)) {
+      if (engage_and_solve(damped) && is_balanced(*before, part, damped)) {
+        if (reached == 1.0) return true;  // exact: the parts are sums of powers of two
+        record(part_);
+        before = &part_;
         done = reached;
-        held = near_.engaged();
-        record(part_.data(), held);
-        energy = energy_of_forces();
         part = std::min(2.0 * part, 1.0 - done);
         damped = false;
         continue;
       }
-      while (near_.engaged() > held) near_.disengage(near_.engaged() - 1);
-      for (int k = 0; k < held; ++k) set_state(k, part_[at(k)]);
+      return_to(*before);
       if (damped) {
         move_by(1.0 - reached);
         return false;
@@ -295,7 +312,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       damped = part <= smallest_part;
       if (!damped) part *= 0.5;
     }
-    return true;
   }
 
   /// Move the tips and the free body by a share of this tick's motions.
@@ -307,19 +323,16 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
 
   /// Return to the forces of the last tick, and to its places in contact.
   void keep_start() noexcept {
-    const auto state_of = [this](const Place& p) {
-      return std::find_if(start_.cbegin(), start_.cbegin() + held_, [&p](const Start& s) { return s.node == p.node && s.tip == p.tip; });
-    };
     for (int k = near_.engaged() - 1; k >= 0; --k)
-      if (state_of(near_.place(k)) == start_.cbegin() + held_) near_.disengage(k);
-    for (int k = near_.engaged(); k < near_.count() && near_.engaged() < held_; ++k)
-      if (state_of(near_.place(k)) != start_.cbegin() + held_) near_.engage(k);
-    for (int k = 0; k < near_.engaged(); ++k) set_state(k, *state_of(near_.place(k)));
+      if (start_.find(near_.place(k)) == nullptr) near_.disengage(k);
+    for (int k = near_.engaged(); k < near_.count() && near_.engaged() < start_.count; ++k)
+      if (start_.find(near_.place(k)) != nullptr) near_.engage(k);
+    for (int k = 0; k < near_.engaged(); ++k) set_state(k, *start_.find(near_.place(k)));
     for (int k = 0; k < near_.engaged(); ++k) move_node(k);
     tick_energy_ = coupled_energy();
   }
 
-  void set_state(int k, const Start& state) noexcept {
+  void set_state(int k, const Equilibrium::State& state) noexcept {
     Place& p = near_.place(k);
     p.force = state.force;
     p.traction = state.traction;
@@ -335,8 +348,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       const NearNodes::Tip& tip = near_.tip_of(p);
       if (p.barred || tip.lost) continue;
       move_node(k);
-      const double gap = tip.shape.distance(nodes_->point(p.node) + p.displacement - tip.center) - tip.points->reach(p.node);
-      if (gap < snap_reach * tip.shape.radius) near_.engage(k);
+      if (gap(p, position(p)) < snap_reach * tip.shape.radius) near_.engage(k);
     }
   }
 
@@ -424,23 +436,23 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return energy;
   }
 
-  /// Whether the work of the motions over a `part` of the tick accounts for the energy at its end, `energy` [J] being that at its begin.
-  /// The work lies between those of the first and of the last forces. Contact that snaps dissipates, and so does friction; another
-  /// solution, with the tips deep in the body, has too much. After forces that were not found the balance is rough.
-  [[nodiscard]] bool is_balanced(const Start* before, int held, double energy, double part, bool may_drop) const noexcept {
+  /// Whether the work of the motions over a `part` of the tick accounts for the change of the energy since its begin. The work lies between
+  /// those of the first and of the last forces. Contact that snaps dissipates and `may_drop`, and so does friction; another solution, with
+  /// the tips deep in the body, has too much. After forces that were not found the balance is rough.
+  [[nodiscard]] bool is_balanced(const Equilibrium& before, double part, bool may_drop) const noexcept {
     double first = 0.0, last = 0.0, rubbed = 0.0;
     for (int k = 0; k < near_.engaged(); ++k) {
       const Place& p = near_.place(k);
       const Vector3<> way = part * near_.way(p);
       last -= (p.force + p.traction).dot(way);
-      if (k >= held) continue;
-      first -= (before[k].force + before[k].traction).dot(way);
-      const Vector3<> slip = p.displacement - before[k].displacement - part * near_.tip_of(p).last_move;
-      rubbed += 0.5 * (p.traction + before[k].traction).norm() * slip.norm();
+      const Equilibrium::State* const s = before.find(p);
+      if (s == nullptr) continue;
+      first -= (s->force + s->traction).dot(way);
+      rubbed += 0.5 * (p.traction + s->traction).norm() * (p.displacement - s->displacement - part * near_.tip_of(p).last_move).norm();
     }
-    const double now = energy_of_forces(), work = std::max(first, last), rough = found_ ? unaccounted : 1.0;
-    const double allowed = rough * (energy + std::abs(work));
-    return now <= energy + work + allowed && (may_drop || now >= energy + std::min(first, last) - rubbed - allowed);
+    const double allowed = (found_ ? unaccounted : 1.0) * (before.energy + std::abs(std::max(first, last)));
+    const double change = energy_of_forces() - before.energy;
+    return change <= std::max(first, last) + allowed && (may_drop || change >= std::min(first, last) - rubbed - allowed);
   }
 
   /// Release the places out of contact.
@@ -480,19 +492,29 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return energy;
   }
 
+  /// Position of a place relative to its tip, m.
+  [[nodiscard]] Vector3<> position(const Place& p) const noexcept {
+    return nodes_->point(p.node) + p.displacement - near_.tip_of(p).center;
+  }
+  /// Distance of a place's patch from its tip, m, with the place at the position `at`.
+  [[nodiscard]] double gap(const Place& p, const Vector3<>& at) const noexcept {
+    const NearNodes::Tip& tip = near_.tip_of(p);
+    return tip.shape.distance(at) - tip.points->reach(p.node);
+  }
+
   void move_node(int k) noexcept { near_.place(k).displacement = near_.place(k).free + near_.displacement(k); }
 
   /// Evaluate the resultant and the stiffness of a node's points. Return the energy of its force and its points.
   double press_node(int k) noexcept {
     Place& p = near_.place(k);
     const NearNodes::Tip& tip = near_.tip_of(p);
-    const Vector3<> at = nodes_->point(p.node) + p.displacement - tip.center;
-    double gap = 0.0;
+    const Vector3<> at = position(p);
+    double clear = 0.0;
     if (k >= near_.engaged()) {
       if (near_.still_clear(k, at)) return 0.0;
-      gap = tip.shape.distance(at) - tip.points->reach(p.node);
+      clear = gap(p, at);
     }
-    const PressedPoints pressed = gap > 0.0 ? PressedPoints{.clearance = gap} : press_points<false>(p.node, tip, at, layer_of(tip));
+    const PressedPoints pressed = clear > 0.0 ? PressedPoints{.clearance = clear} : press_points<false>(p.node, tip, at, layer_of(tip));
     p.target = pressed.force;
     p.stiffness = pressed.stiffness;
     p.layer_energy = pressed.energy;
@@ -511,7 +533,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     const NearNodes::Tip& tip = near_.tip_of(p);
     LayerCreep* const layer = layer_of(tip);
     if (layer == nullptr) return;
-    p.layer_energy = press_points<true>(p.node, tip, nodes_->point(p.node) + p.displacement - tip.center, layer).energy;
+    p.layer_energy = press_points<true>(p.node, tip, position(p), layer).energy;
     layer->mark(p.node);
   }
 
@@ -723,7 +745,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   [[nodiscard]] Vector3<> lever(const Place& p, double size) const noexcept {
     const NearNodes::Tip& tip = near_.tip_of(p);
     if (tip.shape.is_sphere()) return (tip.shape.radius / std::max(size, 1e-300)) * p.force;
-    return nodes_->point(p.node) + p.displacement - tip.center;
+    return position(p);
   }
 
   static constexpr double max_sunk = 0.3;  // of the radius: depth of the center below the nearest node's tangent plane
@@ -745,9 +767,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   std::array<PlacedTip, static_cast<std::size_t>(max_tips)> placed_{};
   std::array<ContactResult, static_cast<std::size_t>(max_tips)> results_{};
   Rows<Vector3<>> loads_{};
-  std::array<Start, static_cast<std::size_t>(CoupledNewton::capacity)> start_{}, part_{};  // at the end of the last tick, of a part
-  double start_energy_ = 0.0;                                                              // of the forces at the end of the last tick, J
-  int iterations_ = 0, tick_ = 0, held_ = 0;
+  Equilibrium start_, part_;  // at the end of the last tick, of a part of this one
+  int iterations_ = 0, tick_ = 0;
   Rows<std::int32_t> load_node_{};
   bool started_ = false;
   bool found_ = true;        // the forces of the last tick on a flexible body

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "palpate/deformable/contact/displaced_nodes.hpp"
 #include "palpate/deformable/contact/force_prediction.hpp"
 #include "palpate/deformable/contact/near_compliance.hpp"
 #include "palpate/deformable/contact/patch_points.hpp"
@@ -26,6 +27,8 @@ namespace palpate::deformable {
 /// of the nodes that a tip may reach at once. It also does one of these: renew the list, copy one more node, drop one that is far. A place
 /// that is not engaged is evaluated again only when the tips and the body may have closed its clearance; the body near a tip is taken to
 /// move at most 1.5 times as far as the tips. On a body that moves by itself every place is evaluated once per tick.
+///
+/// A body that bends may move to a tip that is far from it at rest: look_on() evaluates all nodes in turn and lists those near a tip.
 class NearNodes {
  public:
   static constexpr int capacity = PlaceForces::capacity;
@@ -68,13 +71,18 @@ class NearNodes {
     bool lost = false;  // in the body without contact
   };
 
-  /// `motion` may be null: the body is static.
-  NearNodes(const SurfaceNodes& nodes, const FullCompliance& compliance, const BodyMotion* motion, int tips)
+  /// `motion` may be null: the body is static. `bends` when some node is_flexible().
+  NearNodes(const SurfaceNodes& nodes, const FullCompliance& compliance, const BodyMotion* motion, int tips, bool bends)
       : nodes_(&nodes),
         compliance_(&compliance),
         motion_(motion),
         tips_(static_cast<std::size_t>(tips)),
-        place_of_(static_cast<std::size_t>(nodes.size()) * tips_.size(), -1) {}
+        place_of_(static_cast<std::size_t>(nodes.size()) * tips_.size(), -1),
+        displaced_(bends ? nodes.size() : 0) {}
+
+  /// Whether the body yields much more at a node whose compliance has the trace `own` [m/N] than the contact's layer of the stiffness
+  /// `layer` [N/m].
+  [[nodiscard]] static bool is_flexible(double own, double layer) noexcept { return own * layer > 3.0 * flexible_ratio; }
 
   /// Set the displacement of the body by its supports, or null; it must outlive the list.
   void set_offset(SupportOffset* offset) noexcept { offset_ = offset; }
@@ -86,6 +94,7 @@ class NearNodes {
   void take_over(const NearNodes& before, NodeAfter node_after) noexcept {
     travelled_ = before.travelled_;
     tips_ = before.tips_;
+    displaced_.take_over(before.displaced_, node_after);
     for (int k = 0; k < before.count_; ++k) {
       const Place& old = before.place(k);
       const std::int32_t node = node_after(old.node);
@@ -164,6 +173,24 @@ class NearNodes {
     return all_known;
   }
 
+  /// Evaluate the displacements of more nodes of a body that bends, or of `all`, under the present forces. List those near a tip.
+  void look_on(bool all = false) noexcept {
+    if (displaced_.size() == 0) return;
+    const int some = motion_ != nullptr && !motion_->costly() ? nodes_per_look / 4 : nodes_per_look;
+    const int count = all ? displaced_.size() : std::min<int>(some, displaced_.size());
+    const double ticks = all ? 0.0 : static_cast<double>(displaced_.size()) / some;  // between two looks at a node
+    for (int i = 0; i < count; ++i) {
+      const std::int32_t node = displaced_.next();
+      const double moved = displaced_.set(node, displacement_of(node));
+      for (int t = 0; t < tip_count() && count_ < capacity; ++t) {
+        const Tip& tip = tips_[at(t)];
+        if (slot(node, t) >= 0) continue;
+        const double most = ahead(tip) + moved + ticks * tip.way + tip.points->reach(node);
+        if (tip.shape.within(nodes_->point(node) + displaced_.get(node) - tip.center, most)) enter(node, t);
+      }
+    }
+  }
+
   void clear() noexcept {
     while (count_ > 0) {
       --count_;
@@ -171,6 +198,7 @@ class NearNodes {
     }
     engaged_ = pending_count_ = looked_at_ = flexible_ = 0;
     bars_ = false;
+    displaced_.reset();
     forces_ = scratch_ = {};
     travelled_ = 0.0;
     std::fill(tips_.begin(), tips_.end(), Tip());
@@ -182,13 +210,24 @@ class NearNodes {
       if (place(k).tip == tip) disengage(k);
   }
 
-  /// Place of a tip's node nearest to it at rest, or -1.
-  [[nodiscard]] int nearest(int tip) const noexcept {
+  /// Position of a node without a tip, m.
+  [[nodiscard]] Vector3<> free_point(std::int32_t node) const noexcept {
+    return offset_ != nullptr && offset_->active() ? Vector3<>(nodes_->point(node) + offset_->present(node)) : nodes_->point(node);
+  }
+  /// The same with the tips on a body that bends, as last looked at.
+  [[nodiscard]] Vector3<> present_point(std::int32_t node) const noexcept {
+    return displaced_.size() > 0 ? Vector3<>(nodes_->point(node) + displaced_.get(node)) : free_point(node);
+  }
+
+  /// Place of a tip's node nearest to it, or -1: at rest, or on a body that bends as last looked at.
+  [[nodiscard]] int nearest(int tip, bool at_rest) const noexcept {
     int found = -1;
     double least = std::numeric_limits<double>::infinity();
     for (int k = 0; k < count_; ++k) {
       if (place(k).tip != tip) continue;
-      const double square = (nodes_->point(place(k).node) - tips_[at(tip)].center).squaredNorm();
+      const std::int32_t node = place(k).node;
+      const Vector3<> moved = at_rest ? Vector3<>(Vector3<>::Zero()) : displaced_.get(node);
+      const double square = (nodes_->point(node) + moved - tips_[at(tip)].center).squaredNorm();
       if (square >= least) continue;
       least = square;
       found = k;
@@ -266,7 +305,9 @@ class NearNodes {
  private:
   static constexpr double margin = 0.15;
   static constexpr double flexible_ratio = 10.0;  // of compliances, body over layer; at most 8 on a block, above 20 on cantilevers
+  static constexpr double stricter = 2.0;         // on a body that bends anywhere
   static constexpr int max_pending = 1024;
+  static constexpr int nodes_per_look = 32;
   struct Pending {
     std::int32_t node;
     int tip;
@@ -290,10 +331,31 @@ class NearNodes {
     p.rubs = false;
   }
 
-  /// Distance of a node's patch from a tip, m, with the node anywhere between rest and the mean displacement.
+  /// Displacement of a node by all forces, m.
+  [[nodiscard]] Vector3<> displacement_of(std::int32_t node) noexcept {
+    const float* const row = compliance_->block(node, 0);
+    float x = 0.0F, y = 0.0F, z = 0.0F;
+    for (int j = 0; j < engaged_; ++j) {
+      const float* const c = row + 9 * node_[at(j)];
+      const float fx = forces_.axis(0)[j], fy = forces_.axis(1)[j], fz = forces_.axis(2)[j];
+      x += c[0] * fx + c[1] * fy + c[2] * fz;
+      y += c[3] * fx + c[4] * fy + c[5] * fz;
+      z += c[6] * fx + c[7] * fy + c[8] * fz;
+    }
+    return Vector3<>(static_cast<double>(x), static_cast<double>(y), static_cast<double>(z)) + free_displacement(node);
+  }
+  /// Displacement of a node at the end of the period without force, m.
+  [[nodiscard]] Vector3<> free_displacement(std::int32_t node) noexcept {
+    Vector3<> u = motion_ != nullptr ? motion_->free_displacement(node) : Vector3<>(Vector3<>::Zero());
+    if (offset_ != nullptr && offset_->active()) u += offset_->displacement(node);
+    return u;
+  }
+
+  /// Distance of a node's patch from a tip, m, with the node anywhere between rest and the mean displacement, or as last looked at.
   [[nodiscard]] double gap(const Tip& tip, std::int32_t node) const noexcept {
     const Vector3<> y = free_point(node) - tip.listed_center;
     double least = tip.shape.distance(y);
+    if (displaced_.size() > 0) least = std::min(least, tip.shape.distance(present_point(node) - tip.listed_center));
     if (tip.listed_deflection.squaredNorm() > 0.0)
       for (const double share : {0.5, 1.0}) least = std::min(least, tip.shape.distance(y + share * tip.listed_deflection));
     return least - tip.points->reach(node);
@@ -305,11 +367,6 @@ class NearNodes {
     most += tip.points->reach(node);
     return tip.shape.within(y, most) || tip.shape.within(y + 0.5 * tip.listed_deflection, most) ||
            tip.shape.within(y + tip.listed_deflection, most);
-  }
-
-  /// Position of a node without a tip, m.
-  [[nodiscard]] Vector3<> free_point(std::int32_t node) const noexcept {
-    return offset_ != nullptr && offset_->active() ? Vector3<>(nodes_->point(node) + offset_->present(node)) : nodes_->point(node);
   }
 
   [[nodiscard]] static double ahead(const Tip& tip) noexcept { return margin * tip.shape.radius; }
@@ -360,14 +417,14 @@ class NearNodes {
     place(count_).node = node;
     place(count_).tip = tip;
     place(count_).barred = bars_;
-    if (motion_ != nullptr) place(count_).free = motion_->free_displacement(node);
-    if (offset_ != nullptr && offset_->active()) place(count_).free += offset_->displacement(node);
+    place(count_).free = free_displacement(node);
     node_[at(count_)] = node;
     forces_.set(count_, Vector3<>::Zero());
     ++count_;
     copy_.enter(*compliance_, node_.data(), count_);
     Place& p = place(count_ - 1);
-    p.flexible = copy_.block(count_ - 1, count_ - 1).trace() * tip_of(p).points->stiffness(node) > 3.0 * flexible_ratio;
+    const double layer = tip_of(p).points->stiffness(node) * (displaced_.size() > 0 ? stricter : 1.0);
+    p.flexible = is_flexible(copy_.block(count_ - 1, count_ - 1).trace(), layer);
     flexible_ += p.flexible ? 1 : 0;
   }
 
@@ -394,6 +451,7 @@ class NearNodes {
   std::array<Place, static_cast<std::size_t>(capacity)> places_;
   std::array<std::int32_t, static_cast<std::size_t>(capacity)> node_{};
   std::array<Pending, static_cast<std::size_t>(max_pending)> pending_;
+  DisplacedNodes displaced_;
   NearCompliance copy_;
   PlaceForces forces_, scratch_;
 };

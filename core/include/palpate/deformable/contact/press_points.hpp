@@ -21,7 +21,7 @@ namespace palpate::deformable {
 /// Points of a node in contact with a tip.
 struct PressedPoints {
   Vector3<> force = Vector3<>::Zero();  ///< of the tip on the node, N
-  double stiffness = 0.0;               ///< of the points in contact, N/m
+  double stiffness = 0.0;               ///< of the points in contact, N/m; with `fading` continuous
   double energy = 0.0;                  ///< J
   double clearance = 0.0;               ///< signed distance of the tip from the nearest point, m
 };
@@ -70,9 +70,11 @@ template <class Scalar>
 
 /// Press the points of a node at `at` relative to the tip [m]. With `settle` record the creep of the layer at the end of the period
 /// instead; the energy is the one stored then, without LayerCreep::delayed_energy(), and there is no force. `layer` is null without creep.
-/// `Scalar` is FloatPack, or DoublePack, which cannot settle.
+/// Points less deep than `fading` [m] count in proportion to their depth in the stiffness. `Scalar` is FloatPack, which cannot fade, or
+/// DoublePack, which cannot settle.
 template <bool settle, class Scalar = detail::FloatPack>
-PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer) noexcept {
+PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer,
+                           double fading = 0.0) noexcept {
   using math::any, math::select, math::max_of, math::min_of;
   constexpr std::size_t lanes = std::is_same_v<Scalar, detail::FloatPack> ? detail::float_lanes : detail::DoublePack::width;
   const PatchPoints& points = *tip.points;
@@ -106,7 +108,10 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
     const Scalar turned = load(6, q) * (Scalar(6.0) * x * (Scalar(1.0) - x)) * depth * depth;
     const Scalar push = pressed * depth, pushed = push * in.slope;
     for (int a = 0; a < 3; ++a) force[a] += pushed * in.away[a] + turned * in.bend[a];
-    stiffness += select(excess > Scalar(0.0), pressed * (in.slope * in.slope), Scalar(0.0));
+    Scalar counted = pressed * (in.slope * in.slope);
+    if constexpr (std::is_same_v<Scalar, detail::DoublePack>)
+      if (fading > 0.0) counted *= min_of(depth * Scalar(1.0 / fading), Scalar(1.0));
+    stiffness += select(excess > Scalar(0.0), counted, Scalar(0.0));
     energy += push * depth;
   }
   PressedPoints all{.energy = 0.5 * detail::total_of(energy), .clearance = -detail::most_of(deepest)};

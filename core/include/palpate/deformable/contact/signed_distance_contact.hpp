@@ -64,7 +64,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       : nodes_(&nodes),
         patches_(&patches),
         motion_(std::move(motion)),
-        near_(nodes, compliance, motion_.get(), std::clamp(tips, 1, max_tips)),
+        near_(nodes, compliance, motion_.get(), std::clamp(tips, 1, max_tips), bends(nodes, compliance, patches.round, motion_.get())),
         friction_(friction, patches.shear_ratio) {
     if (patches.creep.delayed_ratio > 0.0) layers_ = {LayerCreep(patches.round, patches.creep), LayerCreep(patches.flat, patches.creep)};
   }
@@ -87,6 +87,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     if (offset_ != nullptr) offset_->look_on();
     for (int t = 0; t < near_.tip_count(); ++t) jump = place_tip(t, tips[t]) || jump;
     const bool solved = near_.update(taken_over_);
+    near_.look_on();
     for (LayerCreep& layer : layers_) layer.begin_period();
     for (int t = 0; t < near_.tip_count(); ++t) check_inside(t, !started_ || near_.tip(t).jump);
     started_ = true;
@@ -168,6 +169,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   // of flexible bodies
   static constexpr double smallest_part = 1.0 / 16.0;  // of a tick; a part of it is not halved further
   static constexpr double snap_reach = 0.03;           // of the radius: gap of places that take part where the contact snaps
+  static constexpr double fading = 3e-3;               // of the radius: depth below which a point carries less friction
   static constexpr double unaccounted = 0.02;          // share of energy and work by which an energy may differ from their sum
 
   using Place = NearNodes::Place;
@@ -193,6 +195,17 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   };
 
   [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
+
+  /// Whether the body yields at some node much more, as time passes, than the layer of the contact of a round tip.
+  [[nodiscard]] static bool bends(const SurfaceNodes& nodes, const FullCompliance& compliance, const PatchPoints& round,
+                                  const BodyMotion* motion) noexcept {
+    for (std::int32_t i = 0; i < nodes.size(); ++i) {
+      const float* const own = compliance.block(i, i);
+      const double later = motion != nullptr ? motion->later_compliance(i) : 0.0;
+      if (NearNodes::is_flexible(static_cast<double>(own[0] + own[4] + own[8]) + later, round.stiffness(i))) return true;
+    }
+    return false;
+  }
 
   /// Move a tip. Return whether it jumps.
   bool place_tip(int t, const PlacedTip& to) noexcept {
@@ -235,7 +248,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return found;
   }
 
-  /// Record the places in contact at the end of the last tick.
+  /// Record the places in contact at the end of the last tick, with the layer crept to the end of this one: it creeps at once, whereas
+  /// tips and body move in parts.
   void note_start() noexcept {
     for (int k = 0; k < near_.engaged(); ++k) {
       Place& p = near_.place(k);
@@ -243,6 +257,9 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       const Vector3<> center = tip.center - tip.last_move;
       if (!friction_) p.last_relative = p.free - p.free_change + near_.displacement(k) - center;
       p.displacement = p.last_relative + center;
+      LayerCreep* const layer = layer_of(tip);
+      if (layer != nullptr)
+        p.layer_energy = press_points<false, detail::DoublePack>(p.node, tip, nodes_->point(p.node) + p.last_relative, layer).energy;
     }
     record(start_);
   }
@@ -369,6 +386,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (crowded_) return false;
       if (!coupled_.solve(near_, damped, [this](int k, const Vector3<>& u) { return law(near_.place(k), u); })) return false;
       iterations_ += coupled_.iterations();
+      if (damped) near_.look_on(true);  // a body that snaps may come to other tips
     }
     return false;
   }
@@ -405,11 +423,12 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return last_error <= (brief ? slipping : acceptable);
   }
 
-  /// Force at a place with the displacement `u` [m].
+  /// Force at a place with the displacement `u` [m]. The stiffness, which carries friction, fades with the depth: Newton's method cannot
+  /// solve for a traction that jumps as a point comes into contact.
   [[nodiscard]] CoupledNewton::Force law(const Place& p, const Vector3<>& u) noexcept {
     const NearNodes::Tip& tip = near_.tip_of(p);
     const Vector3<> at = nodes_->point(p.node) + u - tip.center;
-    const PressedPoints pressed = press_points<false, detail::DoublePack>(p.node, tip, at, layer_of(tip));
+    const PressedPoints pressed = press_points<false, detail::DoublePack>(p.node, tip, at, layer_of(tip), fading * tip.shape.radius);
     CoupledNewton::Force f{.normal = pressed.force, .stiffness = pressed.stiffness, .energy = pressed.energy};
     if (friction_) f.traction = friction_.traction_at(p, u - tip.center, f.normal, f.stiffness);
     return f;
@@ -541,13 +560,13 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   void check_inside(int t, bool first) noexcept {
     NearNodes::Tip& tip = near_.tip(t);
     if (tip.lost) {
-      const int nearest = near_.nearest(t);
+      const int nearest = near_.nearest(t, false);
       if (nearest < 0 ? !first : !(height_over(near_.place(nearest).node, tip) > 0.0 && clear_of_rest(t))) return;
       tip.lost = false;
     }
     if (near_.engaged(t) > 0) return;
     std::int32_t node = -1;
-    if (const int nearest = near_.nearest(t); nearest >= 0)
+    if (const int nearest = near_.nearest(t, false); nearest >= 0)
       node = near_.place(nearest).node;
     else if (first)
       node = nodes_->nearest(tip.center, std::numeric_limits<float>::max());
@@ -557,7 +576,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   /// Whether a tip's center lies under the patch of a node. Beside a body that is touched on its top alone a tip may be lower than that,
   /// too.
   [[nodiscard]] bool is_under(std::int32_t node, const NearNodes::Tip& tip) const noexcept {
-    const double aside = (tip.center - nodes_->point(node)).cross(nodes_->normal(node)).norm();
+    const double aside = (tip.center - near_.present_point(node)).cross(nodes_->normal(node)).norm();
     return aside < std::max(tip.shape.radius, 1.5 * tip.points->reach(node));  // the corners of a patch are farther than its points
   }
 
@@ -575,10 +594,9 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   /// Height of a tip's center over the point of a node's patch nearest to it, at rest. Unlike the node's mean normal at a corner, the
   /// point's normal is that of its face.
   [[nodiscard]] double height_over_patch(std::int32_t node, const NearNodes::Tip& tip) const noexcept {
-    Vector3<> center = tip.center - nodes_->point(node);
-    if (offset_ != nullptr && offset_->active()) center -= offset_->present(node);
+    const Vector3<> center = tip.center - near_.free_point(node);
     const PatchPoints& points = *tip.points;
-    double least = std::numeric_limits<double>::infinity(), height = height_over(node, tip);
+    double least = std::numeric_limits<double>::infinity(), height = center.dot(nodes_->normal(node));
     for (std::size_t q = points.begin(node); q < points.end(node); ++q) {
       if (points.coordinate(6)[q] == 0.0F) continue;
       const Vector3<> away = center - Vector3<>(points.coordinate(0)[q], points.coordinate(1)[q], points.coordinate(2)[q]);
@@ -590,9 +608,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   }
 
   [[nodiscard]] double height_over(std::int32_t node, const NearNodes::Tip& tip) const noexcept {
-    Vector3<> away = tip.center - nodes_->point(node);
-    if (offset_ != nullptr && offset_->active()) away -= offset_->present(node);
-    return away.dot(nodes_->normal(node));
+    return (tip.center - near_.present_point(node)).dot(nodes_->normal(node));
   }
 
   /// Release the body from tips that have been pushed through. Their centers are below the surface at rest, those of flat ends by a quarter
@@ -606,7 +622,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       NearNodes::Tip& tip = near_.tip(t);
       const bool fell = dropped && (near_.tip_count() == 1 || tip.force.squaredNorm() <= 0.25 * results_[at(t)].force.squaredNorm());
       if (!fell && !is_pulled_in(t)) continue;
-      const int nearest = near_.nearest(t);
+      const int nearest = near_.nearest(t, true);
       const double sunk = tip.shape.shape == TipGeometry::Shape::capsule ? 0.0 : 0.25 * tip.shape.radius;
       if (nearest < 0 || height_over_patch(near_.place(nearest).node, tip) > -sunk) continue;
       if (!fell && !is_under(near_.place(nearest).node, tip)) continue;

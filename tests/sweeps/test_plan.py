@@ -476,6 +476,9 @@ def test_axes_are_read_as_a_scenario_file_has_them() -> None:
         with pytest.raises(SweepError) as caught:
             _axis("object.coupling", values)
         assert str(caught.value) == says
+    for several in ([["30 mm", "40 mm", "10 mm"]], [0.02, [0.03, 0.04, 0.01]], np.ones((2, 3))):
+        with pytest.raises(SweepError, match=r"several values; .* as in \"object.body.size.x\"$"):
+            axes_of({"object.body.size": several})
     with pytest.raises(SweepError, match="a key is varied twice"):
         axes_of(_Twice({"object.stiffness": [1.0]}))
     assert (

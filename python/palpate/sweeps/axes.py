@@ -208,7 +208,7 @@ def _axis(path: str, values: Any) -> Axis:
                 f'"{values}" is no range; write both ends with their units and how many values, "100 N/m..5 N/mm:50", '
                 'and " log" after it for equal ratios'
             )
-        listed = values.split(",") if isinstance(values, str) else list(np.asarray(values, dtype=object).ravel())
+        listed = values.split(",") if isinstance(values, str) else _listed(path, values)
         read = [_value(value, unit) for value in listed]
     except ValueError as problem:
         raise SweepError(f"{path}: {problem}") from None
@@ -218,6 +218,18 @@ def _axis(path: str, values: Any) -> Axis:
     if len(units) > 1:
         raise SweepError(f"{path}: values of different kinds: {', '.join(sorted(units)) or 'words'}")
     return Axis(path, units.pop(), tuple(value for value, _ in read))
+
+
+def _listed(path: str, values: Any) -> list[Any]:
+    """Return the values of a list. Raise ValueError if one consists of several."""
+    listed = list(np.atleast_1d(np.asarray(values, dtype=object)))
+    for value in listed:
+        if isinstance(value, (list, tuple, np.ndarray)):
+            raise ValueError(
+                f"{list(value)} has several values; an axis varies one number or word. "
+                f'Vary one of three numbers by its axis, as in "{path}.x"'
+            )
+    return listed
 
 
 def _spread(low: float, high: float, count: int, logarithmic: bool) -> tuple[float, ...]:

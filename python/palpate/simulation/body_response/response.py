@@ -105,7 +105,7 @@ def body_response(held: HeldTip) -> BodyResponse:
     if left.max() > _UNKNOWN * np.abs(response.static).max():
         raise StabilityError(
             f"the body's response to a displacement of the tip was not found: held for {_LASTING} ticks, its stiffness "
-            f"differs by {left.max():.3g} N/m; give a shorter retardation_time, or judge the run"
+            f"differs by {left.max():.3g} N/m; give more damping or a shorter retardation_time, or judge the run"
         )
     return replace(response, error=response.error + left)
 

@@ -157,7 +157,7 @@ def test_a_refined_map_is_shown_in_a_line() -> None:
 def test_refining_needs_two_axes() -> None:
     with pytest.raises(SweepError, match="two axes"):
         refine({"device": {"name": "slider"}, "object": {"kind": "none"}}, {"object.stiffness": [1.0, 2.0]})
-    fine, other, single = {"object.damping": [0.0, 1.0]}, {"object.normal": [[1, 0, 0], [0, 1, 0]]}, [80.0]
+    fine, other, single = {"object.damping": [0.0, 1.0]}, {"object.normal.x": [0.5, 1.0]}, [80.0]
     for over in (fine | other, other | fine, fine | {"object.stiffness": single}, {"object.stiffness": single} | fine):
         with pytest.raises(SweepError, match=r"a boundary needs two axes of two values or more, of .*object\.damping"):
             refine(SLIDER, over)

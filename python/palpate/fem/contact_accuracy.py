@@ -9,8 +9,8 @@ The estimate holds for spheres of at least the distance of the contact nodes. A 
 or none: of 200 random presses into each of three meshes, up to half exceeded it, by factors of up to 4.4. Flat ends are
 within 20 % from 0.8 of the distance on; below 0.6 their force is between zero and 1.8 times that of a punch.
 
-It does not hold on a skin, which the meshes did not have: under an estimate of 7 to 17 % the force on a skin of 0.2 to
-20 times the modulus below was up to 44 % wrong.
+It does not hold on a skin, which the meshes did not have. On skins of 0.2 to 20 times the modulus below it was 7 to
+17 %, and the force up to 44 % wrong.
 
 `softening` was measured against a neo-Hookean body of the same cells, of 3 and 4 mm, with spheres of 6 to 10 mm: blocks
 of 60 x 60 mm, 12 and 30 mm thick, that cylinder, and a bumpy ellipsoid of 36 x 30 x 21 mm; with flat ends of 6 and 8 mm

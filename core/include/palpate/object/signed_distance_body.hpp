@@ -53,6 +53,7 @@ class SignedDistanceBody : public DeformableObject {
     deformable::DryFriction friction;
     double flare = 0.0;  ///< of a flat end, m
     int tips = 1;
+    bool bends = false;                     ///< see SignedDistanceContact
     std::vector<Vector3<>> contact_points;  ///< of a rigid tool, see SignedDistanceOptions
 
     /// `full` is 3n x 3n [m/N], row 3 x node + axis; the surface's nodes are those of `at`.
@@ -65,6 +66,7 @@ class SignedDistanceBody : public DeformableObject {
           flare(options.flare > 0.0 ? options.flare : deformable::PatchPoints::mean_spacing(surface)),
           tips(options.contact_points.empty() ? options.tips : static_cast<int>(options.contact_points.size())),
           contact_points(options.contact_points) {
+      bends = yields_at_some_node(full);
       const bool moves = !options.modes.frequencies.empty();
       const std::size_t size = 3 * static_cast<std::size_t>(nodes.size());
       std::vector<float> period;
@@ -80,13 +82,30 @@ class SignedDistanceBody : public DeformableObject {
       else if (options.instantaneous_ratio > 1.0)
         motion = std::make_unique<deformable::CreepMotion>(compliance, patches.creep);
     }
+
+   private:
+    /// See `bends`. Of the compliance across the normal `sideways` squared counts (FullCompliance).
+    [[nodiscard]] bool yields_at_some_node(const float* full) const {
+      const std::size_t row = 3 * static_cast<std::size_t>(nodes.size());
+      for (std::int32_t i = 0; i < nodes.size(); ++i) {
+        const std::size_t first = 3 * static_cast<std::size_t>(i);
+        Matrix3<> own;
+        for (std::size_t a = 0; a < 3; ++a)
+          for (std::size_t b = 0; b < 3; ++b)
+            own(static_cast<int>(a), static_cast<int>(b)) = static_cast<double>(full[(first + a) * row + first + b]);
+        const double along = nodes.normal(i).dot(own * nodes.normal(i));
+        if (deformable::NearNodes::is_flexible(along + sideways * sideways * (own.trace() - along), patches.round.stiffness(i)))
+          return true;
+      }
+      return false;
+    }
   };
 
   explicit SignedDistanceBody(std::shared_ptr<const Data> data)
       : data_(std::move(data)),
         points_(data_->contact_points),
         contact_(data_->nodes, data_->compliance, data_->patches, data_->friction, data_->motion ? data_->motion->clone_at_rest() : nullptr,
-                 data_->tips) {}
+                 data_->tips, data_->bends) {}
 
   const deformable::ContactResult& step(const deformable::Tip& tip) noexcept override { return step(shape_of(tip), tip.center); }
 

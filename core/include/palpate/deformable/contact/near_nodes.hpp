@@ -71,7 +71,7 @@ class NearNodes {
     bool lost = false;  // in the body without contact
   };
 
-  /// `motion` may be null: the body is static. `bends` when some node is_flexible().
+  /// `motion` may be null: the body is static. `bends` as for SignedDistanceContact.
   NearNodes(const SurfaceNodes& nodes, const FullCompliance& compliance, const BodyMotion* motion, int tips, bool bends)
       : nodes_(&nodes),
         compliance_(&compliance),

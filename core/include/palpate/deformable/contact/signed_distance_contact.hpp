@@ -58,22 +58,23 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     Vector3<> center = Vector3<>::Zero();  ///< m
   };
 
-  /// The first three arguments must outlive the contact. `motion` is null for a static body; `tips` is at most `max_tips`.
+  /// The first three arguments must outlive the contact. `motion` is null for a static body; `tips` is at most `max_tips`. A body that
+  /// `bends` yields somewhere, under lasting forces, much more than the layer of the contact of a round tip (NearNodes::is_flexible).
   SignedDistanceContact(const SurfaceNodes& nodes, const FullCompliance& compliance, const ContactPatches& patches,
-                        DryFriction friction = {}, std::unique_ptr<BodyMotion> motion = nullptr, int tips = 1)
+                        DryFriction friction = {}, std::unique_ptr<BodyMotion> motion = nullptr, int tips = 1, bool bends = false)
       : nodes_(&nodes),
         patches_(&patches),
         motion_(std::move(motion)),
-        near_(nodes, compliance, motion_.get(), std::clamp(tips, 1, max_tips), bends(nodes, compliance, patches.round, motion_.get())),
+        near_(nodes, compliance, motion_.get(), std::clamp(tips, 1, max_tips), bends),
         friction_(friction, patches.shear_ratio) {
     if (patches.creep.delayed_ratio > 0.0) layers_ = {LayerCreep(patches.round, patches.creep), LayerCreep(patches.flat, patches.creep)};
   }
   SignedDistanceContact(const SurfaceNodes&&, const FullCompliance&, const ContactPatches&, DryFriction = {},
-                        std::unique_ptr<BodyMotion> = nullptr, int = 1) = delete;
+                        std::unique_ptr<BodyMotion> = nullptr, int = 1, bool = false) = delete;
   SignedDistanceContact(const SurfaceNodes&, const FullCompliance&&, const ContactPatches&, DryFriction = {},
-                        std::unique_ptr<BodyMotion> = nullptr, int = 1) = delete;
+                        std::unique_ptr<BodyMotion> = nullptr, int = 1, bool = false) = delete;
   SignedDistanceContact(const SurfaceNodes&, const FullCompliance&, const ContactPatches&&, DryFriction = {},
-                        std::unique_ptr<BodyMotion> = nullptr, int = 1) = delete;
+                        std::unique_ptr<BodyMotion> = nullptr, int = 1, bool = false) = delete;
 
   /// Advance by one period with the first tip's center at `center` [m]. Does not allocate. Other tips stay where they are.
   const ContactResult& step(const TipGeometry& tip, const Vector3<>& center) noexcept {
@@ -195,17 +196,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   };
 
   [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
-
-  /// Whether the body yields at some node much more, as time passes, than the layer of the contact of a round tip.
-  [[nodiscard]] static bool bends(const SurfaceNodes& nodes, const FullCompliance& compliance, const PatchPoints& round,
-                                  const BodyMotion* motion) noexcept {
-    for (std::int32_t i = 0; i < nodes.size(); ++i) {
-      const float* const own = compliance.block(i, i);
-      const double later = motion != nullptr ? motion->later_compliance(i) : 0.0;
-      if (NearNodes::is_flexible(static_cast<double>(own[0] + own[4] + own[8]) + later, round.stiffness(i))) return true;
-    }
-    return false;
-  }
 
   /// Move a tip. Return whether it jumps.
   bool place_tip(int t, const PlacedTip& to) noexcept {

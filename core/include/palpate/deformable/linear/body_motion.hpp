@@ -32,9 +32,6 @@ class BodyMotion {
   /// The same after advance(), from the node's free displacement in the last period and its displacement by that period's forces [m].
   [[nodiscard]] virtual Vector3<> next_free(std::int32_t node, const Vector3<>& free, const Vector3<>& by_forces) const noexcept = 0;
 
-  /// Trace of the compliance of a node under constant forces, less that of one period, m/N.
-  [[nodiscard]] virtual double later_compliance(std::int32_t node) const noexcept = 0;
-
   /// Whether next_free() is free_displacement(): it takes long and does not depend on its further arguments.
   [[nodiscard]] virtual bool costly() const noexcept { return false; }
 

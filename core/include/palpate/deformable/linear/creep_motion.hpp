@@ -106,11 +106,6 @@ class CreepMotion final : public BodyMotion {
     return c.decay * (free + (c.gain / c.period_ratio) * by_forces);
   }
 
-  [[nodiscard]] double later_compliance(std::int32_t node) const noexcept override {
-    const float* const own = compliance_.block(node, node);
-    return (1.0 / delayed_.creep().period_ratio - 1.0) * static_cast<double>(own[0] + own[4] + own[8]);
-  }
-
   double advance(const Period& period) noexcept override {
     const Creep& c = delayed_.creep();
     const double force_work = period.compliance_work / c.period_ratio;

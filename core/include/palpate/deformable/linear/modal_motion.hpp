@@ -98,14 +98,6 @@ class ModalMotion final : public BodyMotion {
     return free_displacement(node);
   }
 
-  [[nodiscard]] double later_compliance(std::int32_t node) const noexcept override {
-    double sum = 0.0;
-    for (int a = 0; a < 3; ++a)
-      sum += (Eigen::Map<const Eigen::ArrayXf>(row(node, a), omega2_.size()).cast<double>().square() * (omega2_.inverse() - transition_[3]))
-                 .sum();
-    return sum;
-  }
-
   [[nodiscard]] bool costly() const noexcept override { return true; }
 
   double advance(const Period& period) noexcept override {

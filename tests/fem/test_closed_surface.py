@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate.fem import BodyError
-from palpate.fem.closed_surface import ClosedSurface, _barycentric
+from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.winding_number import WindingNumber
 
 trimesh = pytest.importorskip("trimesh")
@@ -172,19 +172,13 @@ def test_pseudonormals_of_a_box_halve_the_angles_between_its_sides() -> None:
     for number in (0, 1):  # a corner of the triangles in the middle of a side, or a place anywhere on it
         inner = number * rng.uniform(-0.9, 0.9, sides.shape)
         points = half * np.where(sides == 0.0, inner, sides)
-        normals = surface.pseudonormals(*surface.nearest(points))
+        normals = surface.pseudonormals.at(*surface.nearest(points))
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         np.testing.assert_allclose(normals, sides / np.linalg.norm(sides, axis=1)[:, None], atol=1e-6)
         for step in (-1e-3, 2e-3):
             found = surface.signed(points + step * sides)
             size = np.linalg.norm(sides, axis=1) if step > 0.0 else np.ones(len(sides))
             np.testing.assert_allclose(found, -step * size, rtol=1e-6)
-
-
-def test_barycentric_weights_restore_a_point() -> None:
-    corners = np.random.default_rng(6).normal(size=(20, 3, 3))
-    weights = np.random.default_rng(7).dirichlet(np.ones(3), 20)
-    np.testing.assert_allclose(_barycentric(np.einsum("nk,nkx->nx", weights, corners), corners), weights, atol=1e-9)
 
 
 def test_a_surface_is_the_same_in_any_order_of_its_triangles() -> None:

@@ -14,6 +14,7 @@ from palpate.fem import Body, block
 from palpate.fem.checks import TipShape
 from palpate.fem.volume import Volume
 from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
 
 NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
@@ -155,3 +156,22 @@ def test_a_tip_through_a_thin_plate_presses_its_near_face_only(tip: TipShape) ->
     nodes, _ = body.core.contact_forces()
     assert (body.normals[nodes] @ UP > 0).all()
     assert (np.diff(felt.force[200:, 2]) > 0).all()
+
+
+def test_the_force_of_a_press_at_a_vertex_turns_with_the_body() -> None:
+    """The press followed the normal of one of the triangles there: forces of turned copies differed by 1 to 3 %."""
+    volume = block((0.03, 0.03, 0.015), 5e-3)
+    points = volume.points.copy()
+    points[:, 2] *= 1.0 + 0.15 * np.sin(100.0 * points[:, 0]) + 0.1 * np.cos(120.0 * points[:, 1])
+    top = np.flatnonzero(volume.points[:, 2] > 14.9e-3)
+    middle = top[np.argmin(np.linalg.norm(volume.points[top, :2] - 0.012, axis=1))]
+
+    def press(angle: float) -> Array:
+        turn = Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix()
+        turned = Volume(points @ turn.T, volume.tetrahedra, "bumps")
+        body = bodies.build(turned, young=10e3, fixed="z < 0.1 mm", order=1)
+        return np.asarray(body.signed_distance().indent(turn @ points[middle], 8e-3, 1e-3).force @ turn)
+
+    expected = press(0.0)
+    for angle in (0.4, 1.9, 3.0, 4.4):
+        np.testing.assert_allclose(press(angle), expected, atol=1e-4 * np.linalg.norm(expected))

@@ -13,7 +13,8 @@ import numpy as np
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact.mesh import weld
-from palpate.contact.simplices import area_vectors, components, cross, equal_neighbors, half_edges, unique_rows
+from palpate.contact.pseudonormals import Pseudonormals
+from palpate.contact.simplices import area_vectors, components, equal_neighbors, half_edges, unique_rows
 from palpate.fem.errors import BodyError
 from palpate.fem.winding_number import WindingNumber
 
@@ -178,7 +179,8 @@ class ClosedSurface:
         """Whether the winding number is 1 below and 0 above a sample of the triangles: no parts intersect."""
         big = np.linalg.norm(area_vectors(self.vertices, self.triangles), axis=1) > 1e-10 * self.extent**2
         chosen = np.flatnonzero(big)[:: max(1, int(big.sum()) // _SAMPLE)]
-        centers, step = self.vertices[self.triangles[chosen]].mean(axis=1), 1e-6 * self.extent * self._unit[chosen]
+        centers = self.vertices[self.triangles[chosen]].mean(axis=1)
+        step = 1e-6 * self.extent * self.pseudonormals.of_faces[chosen]
         below, above = self.winding_number(centers - step), self.winding_number(centers + step)
         return bool(((below == 1.0) & (above == 0.0)).all())
 
@@ -190,52 +192,20 @@ class ClosedSurface:
         """
         nearest, faces = self.nearest(points)
         way = points - nearest
-        outside = np.einsum("ij,ij->i", way, self.pseudonormals(nearest, faces)) > 0.0
+        outside = np.einsum("ij,ij->i", way, self.pseudonormals.at(nearest, faces)) > 0.0
         return np.asarray(np.linalg.norm(way, axis=1) * np.where(outside, -1.0, 1.0))
 
-    def pseudonormals(self, points: Array, faces: Indices) -> Array:
-        """Return the angle-weighted normals of the faces, edges or vertices on which points (n, 3) lie (n, 3)."""
-        corners = self.vertices[self.triangles[faces]]
-        weights = _barycentric(points, corners)
-        zero = weights < 1e-7
-        normal = self._unit[faces]
-        edge = np.flatnonzero(zero.sum(axis=1) == 1)
-        side = (np.argmax(zero[edge], axis=1) + 1) % 3
-        normal[edge] = self._edge_normals[3 * faces[edge] + side]
-        vertex = np.flatnonzero(zero.sum(axis=1) == 2)
-        corner = np.argmax(weights[vertex], axis=1)
-        normal[vertex] = self._vertex_normals[self.triangles[faces[vertex], corner]]
-        return normal
-
     @cached_property
-    def _unit(self) -> Array:
-        vectors = area_vectors(self.vertices, self.triangles)
-        return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1), np.finfo(float).tiny)[:, None])
-
-    @cached_property
-    def _edge_normals(self) -> Array:
-        """Sum of the unit normals at each edge (3 k, 3), row 3 x triangle + number of the edge's first corner."""
-        number = unique_rows(np.sort(half_edges(self.triangles), axis=1))[1]
-        total = np.zeros((int(number.max()) + 1, 3))
-        np.add.at(total, number, np.repeat(self._unit, 3, axis=0))
-        return np.asarray(total[number])
-
-    @cached_property
-    def _vertex_normals(self) -> Array:
-        total = np.zeros_like(self.vertices)
-        corners = self.vertices[self.triangles]
-        for i in range(3):
-            a, b = corners[:, (i + 1) % 3] - corners[:, i], corners[:, (i + 2) % 3] - corners[:, i]
-            angle = np.arctan2(np.linalg.norm(cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
-            np.add.at(total, self.triangles[:, i], angle[:, None] * self._unit)
-        return total
+    def pseudonormals(self) -> Pseudonormals:
+        """Normals of the faces, edges and vertices."""
+        return Pseudonormals(self.vertices, self.triangles)
 
     @cached_property
     def sharp_edges(self) -> Indices:
         """Edges (e, 2), as vertices, at which the normals differ by more than 35 degrees."""
         halves = np.sort(half_edges(self.triangles), axis=1)
         one, two = equal_neighbors(halves)
-        cosine = np.einsum("ij,ij->i", self._unit[one // 3], self._unit[two // 3])
+        cosine = np.einsum("ij,ij->i", self.pseudonormals.of_faces[one // 3], self.pseudonormals.of_faces[two // 3])
         sharp = halves[one[cosine < _FEATURE]]
         return np.asarray(sharp[unique_rows(sharp)[0]])
 
@@ -244,13 +214,13 @@ class ClosedSurface:
 
         The apex of a cone is one, without a sharp edge.
         """
-        normal = self._vertex_normals / np.maximum(np.linalg.norm(self._vertex_normals, axis=1), 1e-300)[:, None]
+        normal = self.pseudonormals.of_vertices
         cosine, edge = np.full(len(self.vertices), -1.0), np.full(len(self.vertices), np.inf)
         corners = self.vertices[self.triangles]
         length = np.linalg.norm(np.roll(corners, 1, axis=1) - corners, axis=2)  # of the edge before each corner
         for i in range(3):
             vertex = self.triangles[:, i]
-            np.maximum.at(cosine, vertex, np.einsum("ij,ij->i", self._unit, normal[vertex]))
+            np.maximum.at(cosine, vertex, np.einsum("ij,ij->i", self.pseudonormals.of_faces, normal[vertex]))
             np.minimum.at(edge, vertex, np.minimum(length[:, i], length[:, (i + 1) % 3]))
         flat = (cosine >= _FEATURE) | (cosine < 0.0)
         flat[self.sharp_edges] = True
@@ -312,16 +282,6 @@ def _loops_from(start: int, after: dict[int, list[int]]) -> list[Indices]:
         path = path[: place[vertex] + 1]
         if len(path) == 1:
             return loops
-
-
-def _barycentric(points: Array, corners: Array) -> Array:
-    """Return the weights (n, 3) of the corners (n, 3, 3) at points (n, 3) of their triangles."""
-    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
-    uu, uv, vv = (np.einsum("ij,ij->i", x, y) for x, y in ((u, u), (u, v), (v, v)))
-    wu, wv = np.einsum("ij,ij->i", w, u), np.einsum("ij,ij->i", w, v)
-    scale = np.maximum(uu * vv - uv**2, np.finfo(float).tiny)
-    second, third = (vv * wu - uv * wv) / scale, (uu * wv - uv * wu) / scale
-    return np.stack([1.0 - second - third, second, third], axis=1)
 
 
 def _depths(points: Array, faces: Indices, part: Indices) -> Indices:

@@ -19,6 +19,7 @@ from palpate import _core
 from palpate.arrays import Array, Flags, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
+from palpate.contact.pseudonormals import Pseudonormals
 from palpate.fem.checks import point_of
 from palpate.fem.errors import BodyError
 from palpate.fem.layer_modulus import layer_moduli
@@ -121,6 +122,11 @@ class CondensedBody:
         """Contact surface as a mesh."""
         used, faces = self._contact_surface
         return Mesh(self.points[used], faces.reshape(-1, 3), open=True, repair=False)
+
+    @cached_property
+    def _pseudonormals(self) -> Pseudonormals:
+        """Normals of the contact surface."""
+        return Pseudonormals(self.surface.vertices, self.surface.triangles)
 
     @cached_property
     def untouched_surface(self) -> Mesh | None:

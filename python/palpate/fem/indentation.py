@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices
 from palpate.checks import MAX_TIPS
-from palpate.contact.simplices import area_vectors, volumes
+from palpate.contact.simplices import volumes
 from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded
 from palpate.errors import PoseError
 from palpate.fem.checks import (
@@ -198,8 +198,7 @@ class IndentableBody(CondensedBody):
                     f"the point lies {1e3 * other:.3g} mm from a part of the surface that is not touched, and "
                     f"{1e3 * distance:.3g} mm from the contact surface: take a point on the contact surface"
                 )
-        normal = area_vectors(self.surface.vertices, self.surface.triangles[face[:1]])[0]
-        normal /= np.linalg.norm(normal)
+        normal = self._pseudonormals.at(nearest, face)[0]
         thick = float(np.ptp(self.points @ normal))
         if deep > thick and not self.is_network:  # a membrane has no thickness
             raise BodyError(
@@ -320,7 +319,7 @@ class IndentableBody(CondensedBody):
         size = positive(radius, "m", "radius")
         check_tip(tip)
         if outward is None and tip == "flat":
-            outward = area_vectors(self.surface.vertices, self.surface.triangles[self.surface.nearest(centers)[1]])
+            outward = self._pseudonormals.at(*self.surface.nearest(centers))
         if not go_on:
             self.core.reset()
         return self._move(centers, size, outward=outward, tip=tip)

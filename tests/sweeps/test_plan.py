@@ -98,13 +98,14 @@ def test_the_text_of_a_plan_is_the_plan() -> None:
         "draws": 4,
         "seed": 7,
         "design": "once",
+        "files": {},
     }
     assert Plan.of_text(found.text()) == found
     raw = json.loads(found.text())
     for change in (
         {"draws": 0}, {"draws": True}, {"draws": 1.0}, {"draws": -1}, {"seed": -1}, {"seed": 0.5}, {"design": "twice"},
         {"over": []}, {"draws": LARGEST}, {"over": [["object.damping", "N*s/m"]]},
-        {"random": {"operator.mass": [0.3, 0.05]}}, {"random": []}, {"scenario": 3}, {"over": None},
+        {"files": [1]}, {"random": {"operator.mass": [0.3, 0.05]}}, {"random": []}, {"scenario": 3}, {"over": None},
     ):  # fmt: skip
         with pytest.raises(SweepError, match=r"^the plan of the sweep cannot be used: "):
             pytest.fail(repr(Plan.of_text(json.dumps({**raw, **change}))))
@@ -457,6 +458,9 @@ def test_axes_are_read_as_a_scenario_file_has_them() -> None:
     assert [_axis("device.delay", "0..4:3").text(k) for k in range(3)] == [0, 2, 4]
     assert _axis("servo.period", "1 ms..4 ms:3 log").unit == "s"
     assert (len(_axis("device.delay", [1, 2])), _axis("servo.period", ["1 ms"]).text(0)) == (2, "0.001 s")
+    turned = _axis("object.body.rotation.y", "0 deg..90 deg:2")
+    assert (turned.unit, turned.values, turned.text(0)) == ("rad", (0.0, np.pi / 2.0), "0.0 rad")
+    assert _axis("object.body.rotation.y", ["0.3 rad"]).text(0) == "0.3 rad"
     assert (key_of("object.stiffness.z"), key_of("object.z"), key_of("a.b.c")) == (
         "object.stiffness",
         "object.z",

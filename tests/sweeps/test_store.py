@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from importlib.resources import files
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from palpate.errors import OutputError, PalpateError, PalpateWarning
 from palpate.files.hdf5_input import read_seal
-from palpate.sweeps import State, SweepError, merge, store
+from palpate.sweeps import State, SweepError, merge, store, sweep
 from palpate.sweeps.outcomes import QUANTITIES
 from palpate.sweeps.plan import Plan
 from palpate.sweeps.run import plan_of
@@ -183,6 +184,24 @@ def test_a_disk_that_refuses_is_one_sentence_and_keeps_what_is_done(
         with pytest.raises(PalpateError) as refused:
             opening()
         assert str(refused.value) == f"{path}: {says}: No space left on device"
+
+
+def test_a_sweep_goes_on_only_with_the_files_it_began_with(tmp_path: Path) -> None:
+    """The cells of an earlier device, body or mesh came back as those of the present one, without a warning."""
+    device, other = tmp_path / "one.toml", tmp_path / "other.toml"
+    text = files("palpate.devices").joinpath("slider.toml").read_text("utf-8")
+    for file in (device, other):
+        file.write_text(text, "utf-8")
+    tables = {**SLIDER, "device": {"name": str(device)}, "run": {"duration": "10 ms"}}
+    cells = {"object.stiffness": ["1 N/mm", "2 N/mm"]}
+    named = {"device.name": [str(device), str(other)]}
+    for out, over, changed in (("fixed.h5", cells, device), ("varied.h5", named, other)):
+        device.write_text(text, "utf-8")
+        first = sweep(tables, over, out=tmp_path / out)
+        np.testing.assert_array_equal(sweep(tables, over, out=tmp_path / out)["steady_tip"], first["steady_tip"])
+        changed.write_text(text + "\n# measured again\n", "utf-8")
+        with pytest.raises(SweepError, match=rf"{out}: .*{changed.name} has changed since it was run: give another"):
+            sweep(tables, over, out=tmp_path / out)
 
 
 def test_the_file_tells_other_programs_what_it_holds(tmp_path: Path) -> None:

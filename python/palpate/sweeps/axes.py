@@ -268,7 +268,7 @@ def _quantity(text: str, unit: str | None) -> tuple[float, str]:
     """
     if unit is not None:
         return parse_quantity(text, unit), unit
-    for known in ("", *UNITS):
+    for known in ("rad", "", *UNITS):  # an angle can also be read as a plain number
         try:
             return parse_quantity(text, known), known
         except ValueError:

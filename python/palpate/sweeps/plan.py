@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -31,12 +33,33 @@ from palpate.sweeps.axes import COLUMNS, LARGEST, Axis, SweepError, key_of, stor
 from palpate.sweeps.excitation import Excitation, excited
 from palpate.sweeps.judged_rows import judge_rows, linear_radii
 
-__all__ = ["Design", "Plan"]
+__all__ = ["Design", "Plan", "checksums"]
 
 Design = Literal["cell", "once"]
+FILES = (".file", ".name")  # ends of keys that may name a file
 TICKS_A_CHUNK = 5e6  # of a batch: about 0.3 s of one core
 CHUNK_LIMITS = (64, 16384)  # cells
 TICKS_SINGLY = 2e4  # of cells that run one at a time: seconds, as they may also go on for twelve durations
+
+
+def checksums(tables: Mapping[str, Any], axes: Sequence[Axis]) -> dict[str, str]:
+    """Return the SHA-256 of each file that a scenario or a value of an axis names: of a device, body or mesh."""
+    names = {str(value) for axis in axes if axis.path.endswith(FILES) for value in axis.values}
+    found = {}
+    for name in sorted(names.union(_file_names(tables))):
+        if Path(name).is_file():
+            with Path(name).open("rb") as file:
+                found[name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found
+
+
+def _file_names(tables: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what may be the name of a file."""
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from _file_names(value)
+        elif isinstance(value, str) and f".{key}" in FILES:
+            yield value
 
 
 @dataclass(frozen=True)
@@ -49,6 +72,7 @@ class Plan:
         random: key of COLUMNS to its two limits, SI, drawn uniformly for each cell.
         draws: cells for each combination of the axes.
         design: "cell": the controller is designed for each cell; "once": for the scenario as it stands.
+        files: checksum of each file that the scenario or an axis names (`checksums`).
         seed: of the draws, whose generator is spawned from it for each cell, and of late ticks. `run.seed` of a cell
             is its number plus 10^8 times this seed, unless run.seed is varied.
     """
@@ -59,6 +83,7 @@ class Plan:
     draws: int
     seed: int
     design: Design = "cell"
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -99,6 +124,7 @@ class Plan:
                 "draws": self.draws,
                 "seed": self.seed,
                 "design": self.design,
+                "files": dict(self.files),
             },
             sort_keys=True,
         )
@@ -115,7 +141,8 @@ class Plan:
             axes = tuple(stored_axis(*entry) for entry in raw["over"])
             random = {path: stored_limits(path, *limits) for path, limits in raw["random"].items()}
             Scenario.from_dict(raw["scenario"])
-            plan = cls(raw["scenario"], axes, random, raw["draws"], raw["seed"], raw["design"])
+            files = {str(name): str(checksum) for name, checksum in raw["files"].items()}
+            plan = cls(raw["scenario"], axes, random, raw["draws"], raw["seed"], raw["design"], files)
             whole = all(type(one) is int and one >= least for one, least in ((plan.draws, 1), (plan.seed, 0)))
             if not axes or not whole or plan.design not in ("cell", "once") or not 1 <= plan.count <= LARGEST:
                 raise ValueError("a number or word of it is not that of a sweep")

@@ -23,7 +23,7 @@ from palpate.simulation.verdict import State
 from palpate.sweeps.axes import LARGEST, Axis, SweepError, axes_of, check_count, limits_of
 from palpate.sweeps.excitation import Excitation
 from palpate.sweeps.outcomes import Outcomes
-from palpate.sweeps.plan import Design, Plan
+from palpate.sweeps.plan import Design, Plan, checksums
 from palpate.sweeps.store import FileStore, MemoryStore, bytes_of, read
 from palpate.sweeps.sweep_plot import plot_sweep
 
@@ -213,7 +213,8 @@ def plan_of(
     if twice := limits.keys() & {axis.path for axis in axes}:
         raise SweepError(f"{min(twice)} is varied and drawn at random")
     check_count([*map(len, axes), *([int(draws)] if draws > 1 else [])])
-    return Plan(scenario.to_dict(), axes, limits, draws, seed, design)
+    tables = scenario.to_dict()
+    return Plan(tables, axes, limits, draws, seed, design, checksums(tables, axes))
 
 
 @contextmanager

@@ -143,7 +143,9 @@ class FileStore:
         except SweepError as problem:
             raise SweepError(f"{problem}; give another file, or delete it") from None
         if held.text() != plan.text():
-            raise SweepError(f"{self.path} holds another sweep: give another file, or delete it")
+            changed = [name for name, checksum in plan.files.items() if held.files.get(name, checksum) != checksum]
+            why = f"{changed[0]} has changed since it was run" if changed else "it holds another sweep"
+            raise SweepError(f"{self.path}: {why}: give another file, or delete it")
         try:
             self._handle = os.open(self.path, os.O_RDWR)
         except OSError as problem:

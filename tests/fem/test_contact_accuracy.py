@@ -110,6 +110,26 @@ def test_a_press_on_few_nodes_states_its_error() -> None:
         assert body.indent([0.0, 0.0, 0.02], "7.5 mm", "0.5 mm", tip="flat").error is None
 
 
+@pytest.mark.parametrize(
+    "varied", [{"surface_layer": "4 mm = 200 kPa"}, {"regions": "sphere 20 20 14 radius 5 mm = 0.2 MPa"}]
+)
+def test_the_error_by_the_mesh_is_not_known_on_a_body_of_several_moduli(varied: dict[str, str]) -> None:
+    """That of a nodule 1 mm below the surface was up to 79 %, under a bound of 17 %."""
+    material = {"young": 1e4, "fixed": "z < 0.1 mm", "touch": "surface z > 15.9 mm"}
+    solid, place = block((0.04, 0.04, 0.016), 0.004), [0.0203, 0.0204, 0.016]
+    uniform, other = bodies.build(solid, **material), bodies.build(solid, **material, **varied)
+    for one, several in ((uniform, other), (uniform.signed_distance(), other.signed_distance())):
+        assert one.indent(place, "5 mm", "2 mm").error is not None
+        assert several.indent(place, "5 mm", "2 mm").error is None
+
+
+def test_a_spacing_chosen_for_a_tip_warns_of_several_moduli() -> None:
+    cube = trimesh.creation.box((0.03, 0.03, 0.03))
+    solid = {"young": "10 kPa", "fixed": "z < -14 mm", "tip_radius": "8 mm", "accuracy": "20%"}
+    with pytest.warns(BodyWarning, match="accuracy: the spacing is that for a body of one modulus"):
+        bodies.build(Mesh(cube.vertices, cube.faces), **solid, surface_layer="5 mm = 20 kPa")
+
+
 TIPS = block((0.03, 0.03, 0.02), 0.005)
 FINE = bodies.build(block((0.03, 0.03, 0.02), 0.0025), young=8e3, fixed="z < 0.1 mm", touch="z > 19.9 mm")
 COARSE = bodies.build(TIPS, young=8e3, fixed="z < 0.1 mm", touch="z > 19.9 mm")

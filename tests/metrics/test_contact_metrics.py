@@ -181,7 +181,7 @@ def test_a_palpation_is_summed_sample_by_sample(
     """The overlap is looked for at 200 samples in contact at most, the first, the last and the deepest among them."""
     asked: list[Any] = []
     monkeypatch.setattr(body_contact, "overlaps_fixed", lambda _trace, rows: asked.append(rows) or True)
-    monkeypatch.setattr(body_contact, "resolves_tip", lambda _trace, row: asked.append(row) or True)
+    monkeypatch.setattr(body_contact, "has_known_mesh_error", lambda _trace, row: asked.append(row) or True)
     trace = random_trace(touching, scenario, **more)
     found = palpation_metrics(trace)
     assert found is not None
@@ -234,7 +234,7 @@ def test_the_error_by_the_mesh_is_that_of_a_resolved_sphere(
 ) -> None:
     trace: Any = SimpleNamespace(scenario={"object": {"body": choice}})
     resolved: list[Any] = [True]
-    monkeypatch.setattr(body_contact, "resolves_tip", lambda _trace, row: resolved[0] and row == 3)
+    monkeypatch.setattr(body_contact, "has_known_mesh_error", lambda _trace, row: resolved[0] and row == 3)
     error = force_error(9, signed_distance=choice.get("kind") == "signed_distance")
     assert force_error(9, signed_distance=True) != force_error(9, signed_distance=False)
     assert body_contact._mesh_error(trace, 3, 9) == (error if known else None)

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -38,6 +38,10 @@ from palpate.fem.volume import (
     read_volume,
 )
 
+UNKNOWN_ACCURACY: Final = (
+    "accuracy: the spacing is that for a body of one modulus; with regions or a surface layer the error is not known: "
+    "compare the force with that of a body of half the spacing"
+)
 _LARGEST = 1e3  # m, extent of a body
 _GROWTH = 0.3  # of the edges, per distance from the touched region
 _NODES = 4e4  # of a body whose spacing is not given; about a minute and 2 GB
@@ -84,7 +88,8 @@ def build(
             half the thickness of a thin body, with at most 40,000 nodes. Tetrahedra have their own edges.
         tip_radius: of a sphere, m or text, for which the spacing is chosen in place of `spacing`; see `spacing_for`.
         depth: of its presses, m or text; None for a quarter of its radius.
-        accuracy: of its force, such as "5%" (default).
+        accuracy: of its force on a body of one modulus, such as "5%" (default). A body with regions or a surface layer
+            causes a warning.
         growth: by which the edges grow, per distance from the surface in `touch`, up to the default spacing; 0: all
             edges have one spacing. None for 0.3 with `tip_radius` and `touch`, otherwise 0.
         mesher: of a surface, "stuffing" (deterministic) or "ftetwild"; see `fill`.
@@ -110,6 +115,8 @@ def build(
         _refuse_choice([name for name, value in chosen.items() if value is not None])
     stages = _Stages(progress)
     material = Material(young, poisson, density, regions, surface_layer)
+    if tip_radius is not None and not material.is_uniform:
+        warnings.warn(UNKNOWN_ACCURACY, BodyWarning, stacklevel=2)
     dirichlet = dirichlet_regions(fixed)
     contact = None if touch is None else parse_selector(touch)
     stages.begin("meshing", "meshing")

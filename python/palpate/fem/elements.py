@@ -84,17 +84,13 @@ class Elements:
     @cached_property
     def _basis(self):  # type: ignore[no-untyped-def]
         """Shape functions at the quadrature points of the stiffness; the quadrature is exact if it is uniform."""
-        return self._basis_of(_UNIFORM[self.order] if self._uniform else _VARIED[self.order])
+        return self._basis_of(_UNIFORM[self.order] if self.material.is_uniform else _VARIED[self.order])
 
     def _basis_of(self, degree: int):  # type: ignore[no-untyped-def]
         import skfem
 
         element = skfem.ElementTetP2() if self.order == 2 else skfem.ElementTetP1()
         return skfem.Basis(self._mesh, element, intorder=degree)
-
-    @property
-    def _uniform(self) -> bool:
-        return not self.material.regions and self.material.surface_layer is None
 
     @cached_property
     def nodes(self) -> Array:
@@ -233,7 +229,7 @@ class Elements:
     def memory(self) -> float:
         """Estimated memory of the assembly, bytes: node pairs of the elements, and gradients at quadrature points."""
         nodes = 10 if self.order == 2 else 4
-        points = 24 if self.order == 2 and not self._uniform else 4
+        points = 24 if self.order == 2 and not self.material.is_uniform else 4
         return len(self.volume.tetrahedra) * 8.0 * (4.0 * nodes**2 + 3.0 * nodes * points)
 
     @cached_property

@@ -28,7 +28,7 @@ from palpate.fem.checks import (
     row_of,
 )
 from palpate.fem.condensed_body import CondensedBody
-from palpate.fem.contact_accuracy import force_error, softening, unresolved
+from palpate.fem.contact_accuracy import force_error, has_known_error, softening, unresolved
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 
@@ -142,10 +142,10 @@ class IndentableBody(CondensedBody):
         return Indentation(force, self.displacement(), nodes, error)
 
     def _force_error(self, nodes: int) -> float | None:
-        """Return the relative error of a sphere's force by the mesh; None for models other than the compliance."""
-        if not isinstance(self.core, _core.DeformableBody | _core.SignedDistanceBody) or self.record.get("order") != 2:
+        """Return the relative error of a sphere's force by the mesh; None if it is not known."""
+        if not isinstance(self.core, _core.DeformableBody | _core.SignedDistanceBody) or self.kind.contact_points:
             return None
-        if self.kind.contact_points:
+        if not has_known_error(self.record):
             return None
         return force_error(nodes, signed_distance=isinstance(self.core, _core.SignedDistanceBody))
 

@@ -117,6 +117,11 @@ class Material:
             surface_layer=SurfaceLayer.parse(surface_layer) if isinstance(surface_layer, str) else surface_layer,
         )
 
+    @property
+    def is_uniform(self) -> bool:
+        """Whether it has one modulus."""
+        return not self.regions and self.surface_layer is None
+
     def young_at(self, points: Array, depth: Callable[[Array], Array]) -> Array:
         """Return Young's modulus (n,), Pa, at `points` (n, 3), m; `depth` returns their distance from the surface."""
         young = np.full(len(points), self.young)

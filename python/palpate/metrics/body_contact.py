@@ -12,7 +12,7 @@ from palpate.checks import MAX_TIPS
 from palpate.fem import force_error, softening
 from palpate.metrics.mesh_contact import LAST
 from palpate.scenario.tool_motion import ToolMotion
-from palpate.simulation.bodies import overlaps_fixed, resolves_tip, tip_depths
+from palpate.simulation.bodies import has_known_mesh_error, overlaps_fixed, tip_depths
 from palpate.simulation.moving_frame import touching_tip, turned_to_object
 from palpate.simulation.recorded import recorded_scenario
 from palpate.simulation.tool_motion import tick_times
@@ -51,8 +51,8 @@ class PalpationMetrics:
         stiffness: force over deflection at that moment, N/m.
         nodes: number of nodes in contact at that moment.
         mesh_error: relative error of that force by the mesh (`palpate.fem.force_error`) for a sphere on the kinds
-            "compliance", "viscoelastic", "modal" and "signed_distance" of quadratic elements, at least as large as the
-            distance of the nodes; None otherwise.
+            "compliance", "viscoelastic", "modal" and "signed_distance" of quadratic elements and one modulus, at least
+            as large as the distance of the nodes; None otherwise.
         softening: by how much that force may be too small, as the model assumes small strains, relative
             (`palpate.fem.softening`), for a deep tip by signed distance; None otherwise.
         path: length of the tip path in contact.
@@ -203,7 +203,7 @@ def _mesh_error(trace: Trace, row: int, nodes: int) -> float | None:
     kind = choice.get("kind", "compliance")
     if choice.get("tip", "sphere") != "sphere" or choice.get("contact_points") or kind not in _ESTIMATED:
         return None
-    if not resolves_tip(trace, row):
+    if not has_known_mesh_error(trace, row):
         return None
     return force_error(nodes, signed_distance="signed_distance" in (kind, choice.get("contact")))
 

@@ -18,7 +18,7 @@ from palpate import fem as bodies
 from palpate.arrays import Array
 from palpate.contact.simplices import area_vectors
 from palpate.errors import OutputError, PalpateError, ScenarioError
-from palpate.fem.contact_accuracy import unresolved
+from palpate.fem.contact_accuracy import has_known_error, unresolved
 from palpate.fem.support_changes import SupportChange
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
@@ -67,8 +67,8 @@ def pressed_at(trace: Recorded, row: int) -> Pressed:
     return Pressed(body, way[-1], body.displacement(), body.pressure())
 
 
-def resolves_tip(trace: Recorded, row: int) -> bool:
-    """Return whether a trace's body has quadratic elements with nodes close enough for its tip at sample `row`.
+def has_known_mesh_error(trace: Recorded, row: int) -> bool:
+    """Return whether the error by the mesh is known for a trace's body, and its nodes resolve its tip at sample `row`.
 
     False also if the body is no longer there.
     """
@@ -77,7 +77,7 @@ def resolves_tip(trace: Recorded, row: int) -> bool:
     scenario, choice, body = found
     tip = _tip_in_body(trace, scenario, body)[row]
     centers = tip + tool_in_body(choice, tick_times(scenario.period, trace.time[[row]]))[0]
-    return body.record.get("order") == 2 and not any(
+    return has_known_error(body.record) and not any(
         unresolved(body.nodes, center, choice.radius, choice.tip) for center in centers
     )
 

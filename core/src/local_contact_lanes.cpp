@@ -21,6 +21,7 @@ class ContactOf final : public AnyLocalContact::Interface {
   [[nodiscard]] const std::int32_t* contact_nodes() const noexcept override { return contact_.contact_nodes(); }
   [[nodiscard]] const double* forces() const noexcept override { return contact_.forces(); }
   [[nodiscard]] const Vector3<>& node_force(int k) const noexcept override { return contact_.node_force(k); }
+  [[nodiscard]] double layer_stiffness(int k) const noexcept override { return contact_.layer_stiffness(k); }
 
  private:
   LocalModelContact contact_;

@@ -315,9 +315,9 @@ void bind_hyperelastic(nb::module_& m) {
           "__init__",
           [](HyperelasticCore* self, const Points& points, const Cells& cells, const Numbers& shear, const Numbers& lame,
              const Flags& fixed, bool corotational, const Integers& point, const Triangles& triangles, const body_arrays::Moduli& modulus,
-             int nodes_per_tip, int update_interval, double tangential_ratio, double common_compliance, double mu_static, double mu_dynamic,
-             double density, double rayleigh_alpha, double rayleigh_beta, double instantaneous_ratio, double retardation_time,
-             double period) {
+             int nodes_per_tip, int update_interval, double mu_static, double mu_dynamic, const body_arrays::Matrix& compliance,
+             double poisson, double density, double rayleigh_alpha, double rayleigh_beta, double instantaneous_ratio,
+             double retardation_time, double period) {
             if (update_interval < 1) throw nb::value_error("update_interval must be 1 or more");
             if (!(density >= 0.0 && rayleigh_alpha >= 0.0 && rayleigh_beta >= 0.0 && period > 0.0))
               throw nb::value_error("density and damping must not be negative, and the period must be positive");
@@ -327,17 +327,20 @@ void bind_hyperelastic(nb::module_& m) {
             options.relaxation = {instantaneous_ratio, retardation_time};
             options.tick_period = period;
             options.update_interval = update_interval;
+            options.contact_compliance = mu_static > 0.0;
             auto solid = solver_of(mesh_of(points, cells, shear, lame, fixed), corotational,
                                    surface_of(points.shape(0), point, triangles, modulus), nodes_per_tip, options);
-            new (self) HyperelasticCore(points.shape(0), std::move(solid), update_interval,
-                                        mu_static > 0.0 ? palpate::deformable::LocalModelSlip({mu_static, mu_dynamic}, tangential_ratio,
-                                                                                              common_compliance, point.shape(0))
-                                                        : palpate::deformable::LocalModelSlip());
+            palpate::deformable::LocalModelSlip slip;
+            if (mu_static > 0.0) {
+              if (compliance.shape(0) != 3 * point.shape(0) || compliance.shape(1) != 3 * point.shape(0))
+                throw nb::value_error("friction needs the compliance of the nodes (3n, 3n)");
+              slip = {{mu_static, mu_dynamic}, palpate::deformable::FullCompliance(point.shape(0), compliance.data()), poisson};
+            }
+            new (self) HyperelasticCore(points.shape(0), std::move(solid), update_interval, std::move(slip));
           },
           "points"_a, "tetrahedra"_a, "shear"_a, "lame"_a, "fixed"_a, "corotational"_a, "node_points"_a, "triangles"_a, "modulus"_a,
-          "nodes_per_tip"_a, "update_interval"_a, "tangential_ratio"_a = 1.0, "common_compliance"_a = 0.0, "static_friction"_a = 0.0,
-          "dynamic_friction"_a = 0.0, "density"_a = 0.0, "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0, "instantaneous_ratio"_a = 1.0,
-          "retardation_time"_a = 1.0, "period"_a = 1e-3)
+          "nodes_per_tip"_a, "update_interval"_a, "static_friction"_a, "dynamic_friction"_a, "compliance"_a, "poisson"_a, "density"_a = 0.0,
+          "rayleigh_alpha"_a = 0.0, "rayleigh_beta"_a = 0.0, "instantaneous_ratio"_a = 1.0, "retardation_time"_a = 1.0, "period"_a = 1e-3)
       .def(
           "simulate_path",
           [](HyperelasticCore& self, const Points& centers, const Points& outward, double radius, bool flat) {

@@ -381,7 +381,7 @@ class Body(IndentableBody):
         `palpate.fem.QuasiStaticSolver`. The model is updated by one Newton step per `update_interval`, s or text,
         rounded to whole ticks. From the next update on, the ticks use its local model of the `nodes_per_tip` nodes
         around the tip (4 to 64). Update and ticks run synchronously, so results are reproducible. Friction acts in one
-        plane, where the body yields by `tangential_compliance`.
+        plane, where the body yields as at rest.
 
         With a `density`, kg/m^3 or text, the body has inertia and swings. Each update advances its motion by
         `update_interval`, which should be a tenth of the swing's period or less. The damping matrix is
@@ -416,8 +416,10 @@ class Body(IndentableBody):
             options |= {"instantaneous_ratio": ratio, "retardation_time": time}
         body = self._with_model("hyperelastic", options, static_friction, dynamic_friction)
         volume, surface = self._hyperelastic_arrays()
-        numbers = (node_count, *body.update_ticks, *self.tangential_compliance, *body.kind.friction)
+        numbers = (node_count, *body.update_ticks, *body.kind.friction)
+        rest = self._arrays()[3] if body.kind.friction[0] > 0.0 else np.empty((0, 0), dtype=np.float32)
         arguments: list[Any] = [*volume.values(), law == "corotational", *surface.values(), *numbers]
+        arguments += [rest, self._recorded("poisson")]
         motion = (*(inertia.values() or (0.0, 0.0, 0.0)), ratio, time, tick)
         body.core = _core.HyperelasticBody(*arguments, *motion)
         return body

@@ -12,7 +12,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
-from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from palpate import _core
@@ -41,7 +40,6 @@ CoreBody = (
     | _core.MultirateBody
 )
 _LAYER_MODULI: Final[WeakKeyDictionary[BodyData, Array]] = WeakKeyDictionary()  # which the models of a body share
-_SAMPLED = 16  # nodes, and neighbors of each, to which the tangential compliance is fitted
 
 
 class CondensedBody:
@@ -252,28 +250,6 @@ class CondensedBody:
             return given_network(self.contents)
         density = self._recorded("density_kg_per_m3")
         return build_network(self.volume, self.contents.young, self._recorded("poisson"), density)
-
-    @cached_property
-    def tangential_compliance(self) -> tuple[float, float]:
-        """Coefficients (ratio, offset, m/N) of the tangential compliance T = ratio C + offset.
-
-        C is the normal compliance. The fit is a nonnegative least-squares fit to the compliance of 16 nodes around each
-        of 16 nodes. Both tangential directions have the same weight.
-        """
-        centers = np.unique(np.linspace(0, len(self.nodes) - 1, _SAMPLED).astype(int))
-        normal, tangential = [], []
-        for center in centers:
-            patch = np.argsort(np.linalg.norm(self.nodes - self.nodes[center], axis=1))[:_SAMPLED]
-            rows = (3 * patch[:, None] + np.arange(3)).ravel()
-            blocks = self.compliance[np.ix_(rows, rows)].astype(float).reshape(len(patch), 3, len(patch), 3)
-            axis = self.normals[center]
-            along_normal = np.einsum("a,iajb,b->ij", axis, blocks, axis)
-            normal.append(along_normal.ravel())
-            tangential.append((np.einsum("iaja->ij", blocks) - along_normal).ravel() / 2.0)
-        columns, target = np.concatenate(normal), np.concatenate(tangential)
-        scale = float(np.abs(columns).max())
-        fit, _ = nnls(np.stack([columns, np.full_like(columns, scale)], axis=1), target)
-        return float(fit[0]), float(fit[1]) * scale
 
     @cached_property
     def core(self) -> CoreBody:

@@ -87,16 +87,16 @@ def _hyperelastic_data(body: Body) -> ModelData:
     volume, surface = body._hyperelastic_arrays()
     arrays: Arrays = volume | surface
     arrays |= {"tetrahedra": volume["tetrahedra"].astype(np.int32), "fixed": volume["fixed"].astype(np.uint8)}
-    ratio, common = body.tangential_compliance
     parameters: dict[str, float | str] = {
         "law": str(options["law"]),
         "nodes_per_tip": int(options["nodes_per_tip"]),
         "update_interval": body.update_ticks[0],
-        "tangential_ratio": float(ratio),
-        "common_compliance": float(common),
         "static_friction": float(body.kind.friction[0]),
         "dynamic_friction": float(body.kind.friction[1]),
     }
+    if body.kind.friction[0] > 0.0:
+        arrays["compliance"] = body._arrays()[3]
+        parameters["poisson"] = body._recorded("poisson")
     motion = ("density", "rayleigh_alpha", "rayleigh_beta", "instantaneous_ratio", "retardation_time")
     moving = {key: float(options[key]) for key in motion if key in options}
     if moving:

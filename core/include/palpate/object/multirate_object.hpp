@@ -143,11 +143,12 @@ class MultirateObject final : public DeformableObject {
     result_.energy = coupling_.model_switch().tank().potential;
     result_.tank_energy = coupling_.model_switch().tank().level;
     result_.nodes = 0;
-    coupling_.model_switch().for_each_contact_node([this](std::int32_t node, double force, const Vector3<>& push) {
+    coupling_.model_switch().for_each_contact_node([this](std::int32_t node, const deformable::NodePush& push) {
       const auto k = static_cast<std::size_t>(result_.nodes++);
       contact_nodes_[k] = node;
-      forces_[k] = force;
-      node_forces_[k] = push;
+      forces_[k] = push.along;
+      node_forces_[k] = push.force;
+      layer_stiffness_[k] = push.layer_stiffness;
     });
     update_outward(tip);
   }
@@ -168,7 +169,8 @@ class MultirateObject final : public DeformableObject {
     const bool flat = tip.kind == deformable::Tip::Kind::flat;
     for (std::size_t k = 0; flat && k < static_cast<std::size_t>(result_.nodes); ++k)
       forces_[k] = std::max(-node_forces_[k].dot(tip.outward), 0.0);  // without the pressure on the rounded edge
-    slip_.step(coupling_.current_model(), flat ? tip.outward : outward_, contact_nodes_.data(), forces_.data(), result_.nodes, tip_motion);
+    slip_.step(coupling_.current_model(), flat ? tip.outward : outward_, contact_nodes_.data(), forces_.data(), layer_stiffness_.data(),
+               result_.nodes, tip_motion);
     double total = 0.0;
     Vector3<> along = Vector3<>::Zero();
     for (int k = 0; k < result_.nodes; ++k) {
@@ -198,8 +200,9 @@ class MultirateObject final : public DeformableObject {
   bool has_last_center_ = false;               // false before the first step
   Vector3<> last_center_ = Vector3<>::Zero();  // tip center of the last step, m
   std::array<std::int32_t, max_nodes> contact_nodes_{};
-  std::array<double, max_nodes> forces_{};          // N
-  std::array<Vector3<>, max_nodes> node_forces_{};  // N
+  std::array<double, max_nodes> forces_{};           // N
+  std::array<double, max_nodes> layer_stiffness_{};  // N/m
+  std::array<Vector3<>, max_nodes> node_forces_{};   // N
 };
 
 }  // namespace palpate::object

@@ -279,12 +279,17 @@ template <class Model, class Make>
   }
   if (from.has("density") || from.has("instantaneous_ratio")) options.tick_period = from.number("period", 1e-9, 1e3);
   options.update_interval = interval;
-  const double ratio = from.number("tangential_ratio", 0.0, 1e9), common = from.number("common_compliance", 0.0, 1e9);
   const deformable::TetMesh mesh = read_tetrahedra(reader, from);
   const deformable::TetSurface surface = read_tet_surface(reader, from, mesh.points.size());
-  if (!reader.ok()) return nullptr;
+  options.contact_compliance = static_cast<bool>(friction);
   deformable::LocalModelSlip slip;
-  if (friction.mu_static > 0.0) slip = deformable::LocalModelSlip(friction, ratio, common, surface.point.size());
+  if (friction) {
+    const double poisson = from.number("poisson", -1.0, 0.5);
+    const auto nodes = static_cast<std::int64_t>(surface.point.size());
+    const std::vector<float> full = from.blob<float>("compliance", 3 * nodes, 3 * nodes);
+    if (reader.ok()) slip = deformable::LocalModelSlip(friction, deformable::FullCompliance(surface.point.size(), full.data()), poisson);
+  }
+  if (!reader.ok()) return nullptr;
   return std::make_shared<const Body>(deformable::make_quasi_static_solver(law, mesh, surface, options), interval, std::move(slip));
 }
 #else

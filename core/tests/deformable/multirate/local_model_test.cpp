@@ -13,7 +13,8 @@
 
 namespace {
 
-using palpate::deformable::LocalModel, palpate::deformable::LocalModelSlip, palpate::deformable::TipPair, palpate::math::Vector3;
+using palpate::deformable::FullCompliance, palpate::deformable::LocalModel, palpate::deformable::LocalModelSlip;
+using palpate::deformable::TipPair, palpate::math::Matrix3, palpate::math::Vector3;
 
 /// Local model of a flat square of side x side nodes, z up, whose compliance falls off with the distance of two nodes.
 LocalModel flat_model(int side, double self, long version) {
@@ -26,6 +27,7 @@ LocalModel flat_model(int side, double self, long version) {
   for (std::size_t i = 0; i < n; ++i) {
     model.node_ids[i] = static_cast<std::int32_t>(i);
     model.displacement[i].setZero();
+    model.inner[i] = true;
     for (std::size_t j = 0; j < n; ++j)
       model.compliance_matrix[i * LocalModel::capacity + j] = self * std::exp(-(points[i] - points[j]).norm() / 3e-3);
   }
@@ -34,43 +36,84 @@ LocalModel flat_model(int side, double self, long version) {
   return model;
 }
 
-/// Drag of one pressed node with much friction.
+/// Drag of one pressed node with much friction. At rest the body yields three times as much along x as along y.
 struct Drag {
-  static constexpr double ratio = 1.3, common = 1e-4;
-  LocalModelSlip slip{{5.0, 5.0}, ratio, common, 100};
+  static constexpr double poisson = 0.4, layer = 2e3, yield = 1.0 / (layer * 2.0 * (1.0 - poisson) / (2.0 - poisson));
+  LocalModelSlip slip{{5.0, 5.0}, at_rest(), poisson};
 
-  Vector3<> step(const LocalModel& model, const Vector3<>& outward, std::int32_t node, const Vector3<>& tip_motion) {
+  static Matrix3<> self() { return Vector3<>(3e-3, 1e-3, 2e-3).asDiagonal(); }
+  static FullCompliance at_rest() {
+    std::vector<float> full(300 * 300);
+    for (std::size_t node = 0; node < 100; ++node)
+      for (std::size_t a = 0; a < 3; ++a) full[301 * (3 * node + a)] = static_cast<float>(self()(static_cast<int>(a), static_cast<int>(a)));
+    return {100, full.data()};
+  }
+
+  Vector3<> step(const LocalModel& model, const Vector3<>& outward, std::int32_t node, const Vector3<>& tip_motion,
+                 double layer_stiffness = layer) {
     const double force = 1.0;
-    slip.step(model, outward, &node, &force, 1, tip_motion);
+    slip.step(model, outward, &node, &force, &layer_stiffness, 1, tip_motion);
     return slip.force(node);
   }
 };
 
 // Law: a sticking node moves with the tip in the plane across any contact direction, also a node that the local model does not contain.
+// Body and layer yield in series.
 TEST(LocalModelSlip, ANodeSticksInThePlaneAcrossTheContactDirection) {
-  const LocalModel model = flat_model(3, 1e-3, 1);
+  const LocalModel model = flat_model(3, 2e-3, 1);  // along z as at rest
   for (const std::int32_t node : {4, 50})
     for (const Vector3<>& outward : {Vector3<>(0, 0, 1), Vector3<>(1, 0, 0), Vector3<>(0, -1, 0), Vector3<>(0.6, 0, 0.8)}) {
       Drag drag;
-      const Vector3<> motion(1e-5, 2e-5, -3e-5), along = motion - outward.dot(motion) * outward;
-      const Vector3<> force = drag.step(model, outward, node, motion);
-      EXPECT_LT((force - along / (Drag::ratio * 1e-3 + Drag::common)).norm(), 1e-9) << node << ' ' << outward.transpose();
-      EXPECT_LT((drag.slip.displacement(node) - along).norm(), 1e-12);
+      const auto in_plane = [&](const Vector3<>& v) { return Vector3<>(v - outward.dot(v) * outward); };
+      const Vector3<> motion(1e-5, 2e-5, -3e-5), force = drag.step(model, outward, node, motion);
+      EXPECT_LT(std::abs(force.dot(outward)), 1e-12);
+      EXPECT_LT((in_plane(Drag::self() * force) + Drag::yield * force - in_plane(motion)).norm(), 1e-9) << outward.transpose();
+      EXPECT_LT((drag.slip.displacement(node) - in_plane(motion)).norm(), 1e-9);
     }
+}
+
+// Law: the contact as a whole yields as in the model, whether more or less than at rest.
+TEST(LocalModelSlip, TheContactYieldsAsInTheModel) {
+  for (const double softer : {0.3, 1.0, 5.0}) {
+    LocalModel model = flat_model(3, 2e-3, 1);
+    model.force[4] = 1.0;
+    Matrix3<> whole = softer * Drag::self();
+    whole(0, 1) = whole(1, 0) = 0.1 * softer * 1e-3;
+    model.contact_compliance = whole;
+    Drag drag;
+    const Vector3<> motion(1e-5, 2e-5, 0.0), force = drag.step(model, Vector3<>::UnitZ(), 4, motion);
+    EXPECT_LT((whole * force + Drag::yield * force - motion).norm(), 1e-9) << softer;
+  }
 }
 
 // Law: a softer model keeps the energy of the friction, a stiffer one its forces; the displacements are those of the new model.
 TEST(LocalModelSlip, ANewModelNeverAddsEnergy) {
   for (const double softer : {0.5, 1.0, 3.0}) {
-    const LocalModel first = flat_model(3, 1e-3, 1), second = flat_model(3, softer * 1e-3, 2);
+    const LocalModel first = flat_model(3, 2e-3, 1), second = flat_model(3, softer * 2e-3, 2);
     Drag drag;
-    const Vector3<> before = drag.step(first, Vector3<>::UnitZ(), 4, {1e-4, -5e-5, 0.0}), place = drag.slip.displacement(4);
+    const Vector3<> before = drag.step(first, Vector3<>::UnitZ(), 4, {1e-4, 0.0, 0.0}), place = drag.slip.displacement(4);
     const Vector3<> after = drag.step(second, Vector3<>::UnitZ(), 4, Vector3<>::Zero());
-    const double was = Drag::ratio * 1e-3 + Drag::common, is = Drag::ratio * softer * 1e-3 + Drag::common;
-    EXPECT_LT((after - std::min(1.0, std::sqrt(was / is)) * before).norm(), 1e-9) << softer;
-    EXPECT_LT((drag.slip.displacement(4) - is * after).norm(), 1e-12) << softer;
+    const double was = 3e-3 + Drag::yield, is = softer * 3e-3 + Drag::yield;
+    EXPECT_LT((after - std::min(1.0, std::sqrt(was / is)) * before).norm(), 1e-6 * before.norm()) << softer;
+    EXPECT_LT((drag.slip.displacement(4) - is * after).norm(), 1e-6 * place.norm()) << softer;
     EXPECT_LE(after.dot(drag.slip.displacement(4)), before.dot(place) * (1.0 + 1e-12)) << softer;
   }
+}
+
+// Law: points that come into contact begin without force; those that leave take their part of it with them. The energy never rises.
+TEST(LocalModelSlip, NewPointsOfTheLayerBeginWithoutForce) {
+  const LocalModel model = flat_model(3, 2e-3, 1);
+  Drag drag;
+  const Vector3<> up = Vector3<>::UnitZ(), still = Vector3<>::Zero();
+  const Vector3<> force = drag.step(model, up, 4, {1e-4, 0.0, 0.0}), place = drag.slip.displacement(4);
+  const Vector3<> more = drag.step(model, up, 4, still, 3.0 * Drag::layer), less_far = drag.slip.displacement(4);
+  EXPECT_LT((more - force).norm(), 1e-9);
+  EXPECT_LT((less_far - (3e-3 + Drag::yield / 3.0) * force).norm(), 1e-9);
+  const Vector3<> less = drag.step(model, up, 4, still, 0.5 * Drag::layer);
+  EXPECT_LT((less - less_far / (3e-3 + 2.0 * Drag::yield)).norm(), 1e-6);
+  EXPECT_LT((drag.slip.displacement(4) - less_far).norm(), 1e-9);
+  EXPECT_LT(less.dot(less_far), more.dot(less_far));
+  EXPECT_LT(more.dot(less_far), force.dot(place));
 }
 
 /// Slow solver whose residual halves at each update.

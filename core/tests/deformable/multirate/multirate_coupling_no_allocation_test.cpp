@@ -53,9 +53,12 @@ struct Solver {
 TEST(HyperelasticNoAllocation, InAServoTick) {
   using palpate::mechanism::Premium, palpate::math::Joints, palpate::math::Vector3;
   const TetBlock block(8, 6, 3, 8e3, 0.4);
+  const std::size_t nodes = block.top().point.size();
+  std::vector<float> rest(9 * nodes * nodes);
+  for (std::size_t k = 0; k < 3 * nodes; ++k) rest[(3 * nodes + 1) * k] = 1e-2F;
   const auto body = std::make_shared<palpate::object::MultirateObject<Solver>>(
       std::make_unique<Solver>(Solver{{block.mesh, block.top(), {}}}), 20,
-      palpate::deformable::LocalModelSlip({0.5, 0.4}, 1.3, 1e-3, block.top().point.size()));
+      palpate::deformable::LocalModelSlip({0.5, 0.4}, {nodes, rest.data()}, 0.4));
   const Premium arm(palpate::plant::phantom_premium_1_5a());
   const Joints<3> pose(0.0, 2.2305, 3.2776);
   for (const auto kind : {palpate::deformable::Tip::Kind::sphere, palpate::deformable::Tip::Kind::flat}) {

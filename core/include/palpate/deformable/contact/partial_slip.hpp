@@ -61,7 +61,7 @@ class PartialSlip {
     for (int c = 0; c < count; ++c) {
       const int s = slot_for(model, contact_nodes[c]);
       if (s < 0) continue;
-      set_coverage(s, coverages[c]);
+      set_coverage(s, coverages[c], new_points_are_unloaded<Model>);
       cone_radius_[at(s)] = mu * forces[c];
     }
     if constexpr (has_memory<Model>)
@@ -153,6 +153,9 @@ class PartialSlip {
   template <class Model>
   static constexpr bool has_creep = requires(const Model& model) { model.creep(); };
 
+  template <class Model>
+  static constexpr bool new_points_are_unloaded = requires { Model::new_points_are_unloaded; };
+
   static constexpr double tolerance = 1e-3;  // convergence: largest force change relative to the largest force
   static constexpr double round_off = 1e-14;
   static constexpr double cone_tolerance = 1e-9;  // relative; keeps the slip state independent of the last bits
@@ -217,15 +220,17 @@ class PartialSlip {
     displacement_.segment<2>(2 * s) = now;
   }
 
-  /// Set the covered fraction of a patch.
-  void set_coverage(int s, double coverage) noexcept {
+  /// Set the covered fraction of a patch. With `unloaded` what is newly covered begins without force, so that the energy never rises: the
+  /// caller need not count it in the normal force (coverage_derivative).
+  void set_coverage(int s, double coverage, bool unloaded) noexcept {
     if (coverage == coverage_[at(s)]) return;
+    const bool keep = unloaded && coverage > coverage_[at(s)];
     const Eigen::Vector2d creep_state = partial_coverage_creep(s, coverage) - partial_coverage_creep(s, coverage_[at(s)]);
     coverage_[at(s)] = coverage;
     memory_displacement_.segment<2>(2 * s) += creep_state;
     const Eigen::Matrix2d block = covered_compliance(s, coverage);
     const Eigen::Vector2d more = (block - compliance_.block<2, 2>(2 * s, 2 * s)) * force_.segment<2>(2 * s) + creep_state;
-    lag(s) -= more;
+    if (!keep) lag(s) -= more;
     displacement_.segment<2>(2 * s) += more;
     compliance_.block<2, 2>(2 * s, 2 * s) = block;
     update_max_compliance(s);

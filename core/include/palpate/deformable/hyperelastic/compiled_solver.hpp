@@ -67,6 +67,7 @@ class AnyLocalContact {
     [[nodiscard]] virtual const std::int32_t* contact_nodes() const noexcept = 0;
     [[nodiscard]] virtual const double* forces() const noexcept = 0;
     [[nodiscard]] virtual const Vector3<>& node_force(int k) const noexcept = 0;
+    [[nodiscard]] virtual double layer_stiffness(int k) const noexcept = 0;
   };
 
   explicit AnyLocalContact(std::unique_ptr<Interface> contact) : contact_(std::move(contact)) {}
@@ -79,6 +80,7 @@ class AnyLocalContact {
   [[nodiscard]] const std::int32_t* contact_nodes() const noexcept { return contact_->contact_nodes(); }
   [[nodiscard]] const double* forces() const noexcept { return contact_->forces(); }
   [[nodiscard]] const Vector3<>& node_force(int k) const noexcept { return contact_->node_force(k); }
+  [[nodiscard]] double layer_stiffness(int k) const noexcept { return contact_->layer_stiffness(k); }
 
  private:
   std::unique_ptr<Interface> contact_;

@@ -46,8 +46,9 @@ struct SolverOptions {
   ColumnRefinement compliance{};
   Inertia inertia{};
   Relaxation relaxation{};
-  double tick_period = 1e-3;  ///< of the servo, s; of bodies with inertia or relaxation
-  int update_interval = 20;   ///< ticks that a model update is expected to take; same
+  double tick_period = 1e-3;        ///< of the servo, s; of bodies with inertia or relaxation
+  bool contact_compliance = false;  ///< whether the local models have LocalModel::contact_compliance, for friction
+  int update_interval = 20;         ///< ticks that a model update is expected to take; same
 };
 
 }  // namespace palpate::deformable

@@ -15,26 +15,22 @@ class FullCompliance {
  public:
   FullCompliance() = default;
 
+  /// Copy the compliance of `nodes` nodes. `full` is 3n x 3n [m/N], symmetric positive definite; row 3 x node + axis.
+  FullCompliance(std::size_t nodes, const float* full) : count_(nodes), blocks_(9 * count_ * count_) {
+    for (std::size_t i = 0; i < count_; ++i)
+      for (std::size_t j = 0; j < count_; ++j) set(i, j, symmetric(full, i, j));
+  }
+
   /// Copy the compliance. `full` is 3n x 3n [m/N], symmetric positive definite; row 3 x node + axis.
   ///
   /// With `sideways` below 1 the contact counts only this fraction of the displacement across a node's normal at rest: the blocks become
   /// B_i C_ij B_j, B = N N^T + sideways (1 - N N^T). They stay positive definite, so forces keep an energy. 1 is linear elasticity.
   FullCompliance(const SurfaceNodes& nodes, const float* full, double sideways = 1.0)
-      : count_(static_cast<std::size_t>(nodes.size())), blocks_(9 * count_ * count_) {
-    const std::size_t row = 3 * count_;
+      : FullCompliance(static_cast<std::size_t>(nodes.size()), full) {
+    if (sideways == 1.0) return;
     for (std::size_t i = 0; i < count_; ++i) {
       const Matrix3<float> left = counted(nodes, i, sideways);
-      for (std::size_t j = 0; j < count_; ++j) {
-        Matrix3<float> block;
-        for (std::size_t a = 0; a < 3; ++a)
-          for (std::size_t b = 0; b < 3; ++b)  // the mean with the transposed entry: exactly symmetric
-            block(static_cast<int>(a), static_cast<int>(b)) =
-                0.5F * (full[(3 * i + a) * row + 3 * j + b] + full[(3 * j + b) * row + 3 * i + a]);
-        if (sideways != 1.0) block = (left * block * counted(nodes, j, sideways)).eval();
-        float* out = blocks_.data() + 9 * (i * count_ + j);
-        for (int a = 0; a < 3; ++a)
-          for (int b = 0; b < 3; ++b) out[3 * a + b] = block(a, b);
-      }
+      for (std::size_t j = 0; j < count_; ++j) set(i, j, (left * symmetric(full, i, j) * counted(nodes, j, sideways)).eval());
     }
   }
 
@@ -46,6 +42,23 @@ class FullCompliance {
   }
 
  private:
+  /// Block (i, j): the mean with the transposed entries, so that the compliance is exactly symmetric.
+  [[nodiscard]] Matrix3<float> symmetric(const float* full, std::size_t i, std::size_t j) const {
+    const std::size_t row = 3 * count_;
+    Matrix3<float> block;
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t b = 0; b < 3; ++b)
+        block(static_cast<int>(a), static_cast<int>(b)) =
+            0.5F * (full[(3 * i + a) * row + 3 * j + b] + full[(3 * j + b) * row + 3 * i + a]);
+    return block;
+  }
+
+  void set(std::size_t i, std::size_t j, const Matrix3<float>& block) {
+    float* out = blocks_.data() + 9 * (i * count_ + j);
+    for (int a = 0; a < 3; ++a)
+      for (int b = 0; b < 3; ++b) out[3 * a + b] = block(a, b);
+  }
+
   [[nodiscard]] static Matrix3<float> counted(const SurfaceNodes& nodes, std::size_t i, double sideways) {
     const Vector3<>& n = nodes.normal(static_cast<std::int32_t>(i));
     return (sideways * Matrix3<>::Identity() + (1.0 - sideways) * n * n.transpose()).cast<float>();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -81,6 +82,8 @@ class LinearLocalContact {
   [[nodiscard]] Vector3<> node_force(int k) const noexcept {
     return -forces_[static_cast<std::size_t>(k)] * state_->body.nodes->normal(contact_nodes()[k]);
   }
+  /// There is no layer between tip and nodes.
+  [[nodiscard]] static double layer_stiffness(int /*k*/) noexcept { return std::numeric_limits<double>::infinity(); }
   /// See TipContact::outward.
   [[nodiscard]] Vector3<> outward(const Tip& tip) const noexcept { return state_->contact.outward(tip); }
 

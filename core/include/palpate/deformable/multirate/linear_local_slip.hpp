@@ -29,8 +29,8 @@ class LinearLocalSlip {
   [[nodiscard]] bool sliding() const noexcept { return slip_.sliding(); }
 
   /// Advance by one period. The tip moved by `tip_motion` [m] and presses `count` nodes with `forces` [N] along their inward normals.
-  void step(const LinearLocalModel& model, const Vector3<>& /*outward*/, const std::int32_t* contact_nodes, const double* forces, int count,
-            const Vector3<>& tip_motion) noexcept {
+  void step(const LinearLocalModel& model, const Vector3<>& /*outward*/, const std::int32_t* contact_nodes, const double* forces,
+            const double* /*layer_stiffness*/, int count, const Vector3<>& tip_motion) noexcept {
     if (model.compliance_ratio != ratio_) {
       ratio_ = model.compliance_ratio;
       slip_.update_compliance(*this);

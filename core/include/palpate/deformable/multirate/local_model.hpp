@@ -29,15 +29,18 @@ struct LocalModel {
   std::array<double, capacity> residual_displacement{};  ///< still to go to equilibrium under these forces, along the inward normals, m
   std::array<double, capacity> elastic_displacement{};   ///< compliance times force, m
   std::array<Vector3<>, capacity> displacement{};        ///< of the state, m
-  std::vector<double> compliance_matrix;                 ///< capacity x capacity, along the inward normals, m/N
-  std::vector<detail::FloatLine> single;                 ///< same in single precision
-  LocalTriangles triangles;                              ///< of the surface, by distance from the tips
-  std::array<bool, TipPair::max_tips> continued{};       ///< of each tip, see Tip
-  bool inverted = false;                                 ///< whether the body has inverted tetrahedra since the state
-  bool truncated = false;                                ///< whether the model lacks surface that bears force at the state
-  bool has_memory = false;                               ///< whether the body may swing or recover when the tips have left
-  double returnable = 0.0;                               ///< energy that the body with memory may still return, J
-  long version = 0;                                      ///< of the state, increasing
+  /// Displacement of the nodes in contact per force on them, in the mean, weighted by their forces at the state, m/N; zero without contact
+  /// or without SolverOptions::contact_compliance.
+  Matrix3<> contact_compliance = Matrix3<>::Zero();
+  std::vector<double> compliance_matrix;            ///< capacity x capacity, along the inward normals, m/N
+  std::vector<detail::FloatLine> single;            ///< same in single precision
+  LocalTriangles triangles;                         ///< of the surface, by distance from the tips
+  std::array<bool, TipPair::max_tips> continued{};  ///< of each tip, see Tip
+  bool inverted = false;                            ///< whether the body has inverted tetrahedra since the state
+  bool truncated = false;                           ///< whether the model lacks surface that bears force at the state
+  bool has_memory = false;                          ///< whether the body may swing or recover when the tips have left
+  double returnable = 0.0;                          ///< energy that the body with memory may still return, J
+  long version = 0;                                 ///< of the state, increasing
 
   [[nodiscard]] bool empty() const noexcept { return nodes.size() == 0; }
   [[nodiscard]] double compliance(std::int32_t i, std::int32_t j) const noexcept {

@@ -85,6 +85,8 @@ class LocalModelContact {
   [[nodiscard]] const std::int32_t* contact_nodes() const noexcept { return contact_nodes_.data(); }
   [[nodiscard]] const double* forces() const noexcept { return contact_forces_.data(); }
   [[nodiscard]] const Vector3<>& node_force(int k) const noexcept { return node_forces_[static_cast<std::size_t>(k)]; }
+  /// Stiffness of the layer's points in contact at a contact node, N/m.
+  [[nodiscard]] double layer_stiffness(int k) const noexcept { return layer_stiffness_[static_cast<std::size_t>(k)]; }
   /// Displacement of a node of the model from its state, along its inward normal, m.
   [[nodiscard]] double displacement(std::size_t node) const noexcept { return static_cast<double>(displacement_[node]); }
   /// Force on a node of the model along its inward normal, N.
@@ -239,6 +241,8 @@ class LocalModelContact {
     }
     ByNode<Vector3<>>& push = node_forces_of_;
     push.fill(Vector3<>::Zero());
+    ByNode<float>& stiffness = before_;
+    stiffness.fill(0.0F);
     for (std::size_t t = 0; t < at(tips_->count); ++t) {
       ContactResult& tip = result_.tip[t];
       tip.solved = solved;
@@ -253,7 +257,9 @@ class LocalModelContact {
           for (std::size_t l = 0; l < lanes; ++l) {
             const Vector3<> force(static_cast<double>(p.force[c][0][l]), static_cast<double>(p.force[c][1][l]),
                                   static_cast<double>(p.force[c][2][l]));
-            push[PressedTriangles::slot(model_->triangles.nodes(p.first + l)[c])] += force;
+            const std::size_t node = PressedTriangles::slot(model_->triangles.nodes(p.first + l)[c]);
+            push[node] += force;
+            stiffness[node] += p.stiffness[c][l] + p.stiffness[3 + c][l] + p.stiffness[3 + (c + 2) % 3][l];
             tip.force -= force;
           }
         pressed_.for_each_force(p, [this](std::size_t node, float force) { tip_target_[node] += force; });
@@ -272,6 +278,7 @@ class LocalModelContact {
       contact_nodes_[k] = model_->node_ids[i];
       contact_forces_[k] = static_cast<double>(target_[i]);
       node_forces_[k] = push[i];
+      layer_stiffness_[k] = static_cast<double>(stiffness[i]);
     }
   }
 
@@ -290,7 +297,7 @@ class LocalModelContact {
   std::array<Vector3<>, TipPair::max_tips> last_move_{Vector3<>::Zero(), Vector3<>::Zero()};  // to the last call, m
   TipPair last_tips_;
   MultiTipResult result_;
-  std::array<double, capacity> contact_forces_{};
+  std::array<double, capacity> contact_forces_{}, layer_stiffness_{};
   std::array<Vector3<>, capacity> node_forces_{};  // by contact node, N
   ByNode<Vector3<>> node_forces_of_{};             // of the layer, by node, N
   std::array<std::int32_t, capacity> contact_nodes_{};

@@ -3,11 +3,13 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
+#include <utility>
 
 #include "palpate/deformable/contact/partial_slip.hpp"
+#include "palpate/deformable/linear/full_compliance.hpp"
 #include "palpate/deformable/multirate/local_model.hpp"
 #include "palpate/math/vector.hpp"
 
@@ -15,37 +17,40 @@ namespace palpate::deformable {
 
 /// Coulomb friction of one tip on a sequence of local models, node by node (PartialSlip), in the plane normal to the contact direction.
 ///
-/// A local model has normal compliance C only. The tangential compliance is approximated as T = tangential_ratio C + common_compliance,
-/// isotropic and positive definite as C: locally proportional to C as in Cattaneo (1938) and Mindlin (1949), plus a uniform displacement of
-/// a body fixed elsewhere. When the model changes, the forces are kept or reduced, so that they never store more energy than the tip
-/// supplied; when the plane rotates, they rotate with it.
+/// Between its nodes a local model has normal compliance C only. The tangential compliance is that of the body at rest in this plane, times
+/// a scale, plus a displacement common to all nodes. The contact as a whole then yields by LocalModel::contact_compliance, which counts
+/// stiffening, softening under load, inertia and relaxation. The scale is the ratio of C to the normal compliance at rest, or the largest
+/// one that leaves a positive common displacement. The elastic layer yields in shear in series with it: its shear stiffness is h 2 (1 - nu)
+/// / (2 - nu) (Mindlin 1949), with the stiffness h of its points in contact. Points that come into contact begin without force. When the
+/// model changes, the forces are kept or reduced, so that they never store more energy than the tip supplied; when the plane rotates, they
+/// rotate with it.
 class LocalModelSlip {
  public:
+  static constexpr bool new_points_are_unloaded = true;  ///< for PartialSlip
+
   LocalModelSlip() = default;
 
-  /// For a surface of `nodes` nodes; `common_compliance` [m/N] and `tangential_ratio` must not be negative.
-  LocalModelSlip(DryFriction friction, double tangential_ratio, double common_compliance, std::size_t nodes)
-      : slip_(friction, static_cast<std::int32_t>(nodes)),
-        tangential_ratio_(tangential_ratio),
-        common_compliance_(common_compliance),
-        index_of_(nodes, -1) {
-    full_coverage_.fill(1.0);
-  }
+  /// For the nodes of `rest`, the compliance of the body at rest, with Poisson's ratio `poisson`.
+  LocalModelSlip(DryFriction friction, FullCompliance rest, double poisson)
+      : slip_(friction, rest.size()), rest_(std::move(rest)), shear_ratio_(2.0 * (1.0 - poisson) / (2.0 - poisson)) {}
 
   [[nodiscard]] bool enabled() const noexcept { return slip_.enabled(); }
   [[nodiscard]] bool sliding() const noexcept { return slip_.sliding(); }
 
-  /// Advance by one period. The tip moved by `tip_motion` [m] and presses `count` nodes (surface ids) with `forces` [N] along -`outward`;
-  /// `model` is the newest local model.
-  void step(const LocalModel& model, const Vector3<>& outward, const std::int32_t* contact_nodes, const double* forces, int count,
-            const Vector3<>& tip_motion) noexcept {
-    model_ = &model;
-    if (model.version != version_) update_model(model);
+  /// Advance by one period. The tip moved by `tip_motion` [m] and presses `count` nodes (surface ids) with `forces` [N] along -`outward`,
+  /// through a layer of the stiffness `layer_stiffness` [N/m]; `model` is the newest local model.
+  void step(const LocalModel& model, const Vector3<>& outward, const std::int32_t* contact_nodes, const double* forces,
+            const double* layer_stiffness, int count, const Vector3<>& tip_motion) noexcept {
     if (count > 0) rotate_plane(outward);
-    slip_.step(*this, *this, contact_nodes, forces, full_coverage_.data(), count, tip_motion);
+    if (model.version != version_) adopt(model);
+    for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
+      const double shear = std::max(shear_ratio_ * layer_stiffness[k], least_stiffness) * tangential_layer_compliance;
+      coverages_[k] = shear / (1.0 + shear);
+    }
+    slip_.step(*this, *this, contact_nodes, forces, coverages_.data(), count, tip_motion);
   }
 
-  /// Friction force [N] on a node of the last step, and its displacement [m].
+  /// Friction force [N] on a node of the last step, and its displacement with that of the layer [m].
   [[nodiscard]] Vector3<> force(std::int32_t node) const noexcept { return tangent_plane_ * slip_.force(node); }
   [[nodiscard]] Vector3<> displacement(std::int32_t node) const noexcept { return tangent_plane_ * slip_.displacement(node); }
 
@@ -54,25 +59,58 @@ class LocalModelSlip {
     version_ = -1;
   }
 
-  /// Interface for PartialSlip: tangent plane and tangential compliance.
+  /// Interface for PartialSlip: tangent plane, tangential compliance, and the layer's, of which a coverage c adds (1 / c - 1).
   [[nodiscard]] const Eigen::Matrix<double, 3, 2>& tangent_basis(std::int32_t /*node*/) const noexcept { return tangent_plane_; }
-  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t one, std::int32_t other) const noexcept {
-    const std::int32_t i = index_of_[static_cast<std::size_t>(one)], j = index_of_[static_cast<std::size_t>(other)];
-    const double normal = i >= 0 && j >= 0 ? model_->compliance(i, j) : one == other ? mean_self_compliance_ : 0.0;
-    return (tangential_ratio_ * normal + common_compliance_) * Eigen::Matrix2d::Identity();
+  [[nodiscard]] Eigen::Matrix2d tangential(std::int32_t i, std::int32_t j) const noexcept {
+    return scale_ * (model_plane_.transpose() * rest(i, j) * model_plane_) + common_;
+  }
+  [[nodiscard]] Eigen::Matrix2d tangential_layer(std::int32_t /*node*/) const noexcept {
+    return tangential_layer_compliance * Eigen::Matrix2d::Identity();
   }
 
  private:
+  static constexpr double tangential_layer_compliance = 1.0;  // m/N: any, as the coverage is chosen for it
+  static constexpr double least_stiffness = 1e-9;             // N/m
+
+  [[nodiscard]] Matrix3<> rest(std::int32_t i, std::int32_t j) const noexcept {
+    return Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(rest_.block(i, j)).cast<double>();
+  }
+
   /// Adopt a new local model.
-  void update_model(const LocalModel& model) noexcept {
+  void adopt(const LocalModel& model) noexcept {
     version_ = model.version;
-    std::fill(index_of_.begin(), index_of_.end(), static_cast<std::int16_t>(-1));
-    mean_self_compliance_ = 0.0;
+    model_plane_ = tangent_plane_;
+    double now = 0.0, at_rest = 0.0;
     for (std::int32_t i = 0; i < model.nodes.size(); ++i) {
-      index_of_[static_cast<std::size_t>(model.node_ids[static_cast<std::size_t>(i)])] = static_cast<std::int16_t>(i);
-      mean_self_compliance_ += model.compliance(i, i) / static_cast<double>(model.nodes.size());
+      const auto k = static_cast<std::size_t>(i);
+      if (!model.inner[k]) continue;
+      const Vector3<>& n = model.nodes.normal(i);
+      now += model.compliance(i, i);
+      at_rest += n.dot(rest(model.node_ids[k], model.node_ids[k]) * n);
     }
+    scale_ = now > 0.0 && at_rest > 0.0 ? now / at_rest : 1.0;
+    share_common(model);
     slip_.update_compliance(*this);
+  }
+
+  /// Choose scale and common displacement so that the contact as a whole yields as in the model.
+  void share_common(const LocalModel& model) noexcept {
+    common_.setZero();
+    double total = 0.0;
+    Matrix3<> sum = Matrix3<>::Zero();
+    for (std::size_t i = 0; i < static_cast<std::size_t>(model.nodes.size()); ++i) {
+      total += model.force[i];
+      for (std::size_t j = 0; j < static_cast<std::size_t>(model.nodes.size()); ++j)
+        if (const double f = model.force[i] * model.force[j]; f > 0.0) sum += f * rest(model.node_ids[i], model.node_ids[j]);
+    }
+    if (!(total > 0.0)) return;
+    const Eigen::Matrix2d whole = model_plane_.transpose() * model.contact_compliance * model_plane_;
+    const Eigen::Matrix2d was = model_plane_.transpose() * (sum / (total * total)) * model_plane_;
+    const Eigen::Matrix2d ratio = was.inverse() * whole;
+    const double half = 0.5 * ratio.trace(), least = half - std::sqrt(std::max(half * half - ratio.determinant(), 0.0));
+    if (!(least > 0.0)) return;
+    scale_ = std::min(scale_, least);
+    common_ = whole - scale_ * was;
   }
 
   /// Rotate the tangent plane by the smallest angle.
@@ -84,14 +122,14 @@ class LocalModelSlip {
   }
 
   PartialSlip slip_;
-  double tangential_ratio_ = 1.0;
-  double common_compliance_ = 0.0;  // m/N
-  const LocalModel* model_ = nullptr;
+  FullCompliance rest_;
+  double shear_ratio_ = 1.0;                          // of the layer's shear stiffness to its normal stiffness
+  double scale_ = 1.0;                                // of the compliance at rest
+  Eigen::Matrix2d common_ = Eigen::Matrix2d::Zero();  // displacement of all nodes per force on any, m/N
   long version_ = -1;
-  double mean_self_compliance_ = 0.0;   // m/N
-  std::vector<std::int16_t> index_of_;  // index in the local model by surface node; -1: absent
   Eigen::Matrix<double, 3, 2> tangent_plane_ = (Eigen::Matrix<double, 3, 2>() << 1.0, 0.0, 0.0, 1.0, 0.0, 0.0).finished();
-  std::array<double, 2 * static_cast<std::size_t>(LocalModel::capacity)> full_coverage_{};
+  Eigen::Matrix<double, 3, 2> model_plane_ = tangent_plane_;  // when the model was adopted
+  std::array<double, 2 * static_cast<std::size_t>(LocalModel::capacity)> coverages_{};
 };
 
 }  // namespace palpate::deformable

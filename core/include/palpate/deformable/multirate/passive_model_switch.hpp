@@ -14,6 +14,13 @@
 
 namespace palpate::deformable {
 
+/// What the tips do to a contact node.
+struct NodePush {
+  double along = 0.0;                   ///< force along the inward normal, N
+  Vector3<> force = Vector3<>::Zero();  ///< N
+  double layer_stiffness = 0.0;         ///< of the points of the elastic layer in contact, along the normal, N/m; infinite without a layer
+};
+
 /// Contact of the servo with a sequence of local models that arrive at a low rate, passive across the model switches.
 ///
 /// From model a to model b the potential is blended as (1 - s) V_a + s V_b. s rises from 0 to 1 in the time that the last model took to
@@ -34,6 +41,7 @@ namespace palpate::deformable {
 ///   void start_from(model, other)                     start the next solution from the forces of another contact
 ///   const MultiTipResult& last()                      of the last call of solve()
 ///   contact_nodes(), forces(), node_force(k)          contact nodes in ascending order, and the forces on them, N
+///   layer_stiffness(k)                                of the elastic layer at a contact node, N/m, see NodePush
 template <class Contact>
 class BasicPassiveModelSwitch {
  public:
@@ -82,7 +90,7 @@ class BasicPassiveModelSwitch {
   [[nodiscard]] const MultiTipResult& last() const noexcept { return result_; }
   [[nodiscard]] const EnergyTank& tank() const noexcept { return tank_; }
 
-  /// Call visit(node, force along the inward normal [N], force of the tip [N]) for each contact node, ascending.
+  /// Call visit(node, NodePush) for each contact node, ascending.
   template <class Visit>
   void for_each_contact_node(Visit visit) const noexcept {
     const double s = tank_.blend;
@@ -90,11 +98,10 @@ class BasicPassiveModelSwitch {
     ContactCursor two(slots_[static_cast<std::size_t>(current_)], force_scale_ * s);
     while (one || two) {
       const std::int32_t node = !two || (one && one.node() < two.node()) ? one.node() : two.node();
-      double force = 0.0;
-      Vector3<> push = Vector3<>::Zero();
+      NodePush push;
       for (ContactCursor* cursor : {&one, &two})
-        if (*cursor && cursor->node() == node) cursor->add(force, push);
-      visit(node, force, push);
+        if (*cursor && cursor->node() == node) cursor->add(push);
+      visit(node, push);
     }
   }
 
@@ -117,9 +124,10 @@ class BasicPassiveModelSwitch {
         : contact_(&slot.contact), weight_(weight), count_(weight > 0.0 ? contact_->last().nodes : 0) {}
     explicit operator bool() const noexcept { return at_ < count_; }
     [[nodiscard]] std::int32_t node() const noexcept { return contact_->contact_nodes()[at_]; }
-    void add(double& force, Vector3<>& push) noexcept {
-      force += weight_ * contact_->forces()[at_];
-      push += weight_ * contact_->node_force(at_);
+    void add(NodePush& to) noexcept {
+      to.along += weight_ * contact_->forces()[at_];
+      to.force += weight_ * contact_->node_force(at_);
+      to.layer_stiffness += weight_ * contact_->layer_stiffness(at_);
       ++at_;
     }
 

@@ -381,7 +381,7 @@ class Body(IndentableBody):
         `palpate.fem.QuasiStaticSolver`. The model is updated by one Newton step per `update_interval`, s or text,
         rounded to whole ticks. From the next update on, the ticks use its local model of the `nodes_per_tip` nodes
         around the tip (4 to 64). Update and ticks run synchronously, so results are reproducible. Friction acts in one
-        plane, where the body yields as at rest.
+        plane, where the contact yields as the deformed body does (docs/theory/large-displacements.md).
 
         With a `density`, kg/m^3 or text, the body has inertia and swings. Each update advances its motion by
         `update_interval`, which should be a tenth of the swing's period or less. The damping matrix is

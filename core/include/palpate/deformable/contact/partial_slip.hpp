@@ -79,10 +79,14 @@ class PartialSlip {
   void reset() noexcept {
     for (int s = 0; s < count_; ++s) slot_of_[static_cast<std::size_t>(node_[at(s)])] = -1;
     count_ = 0;
+    left_over_ = 0.0;
     sliding_ = false;
   }
 
-  /// Adopt a changed compliance. The forces are kept, or scaled down so that they store no more energy than before.
+  [[nodiscard]] bool empty() const noexcept { return count_ == 0; }
+
+  /// Adopt a changed compliance. The forces are kept, or scaled down so that they store no more energy than before and than earlier changes
+  /// have left over: a compliance that varies to and fro does not drain them.
   template <class Model>
   void update_compliance(const Model& model) noexcept {
     const Eigen::Index size = 2 * count_;
@@ -97,8 +101,10 @@ class PartialSlip {
     }
     for (int s = 0; s < count_; ++s) displacement_.segment<2>(2 * s) = elastic_displacement(s, count_);
     const double after = force_.head(size).dot(displacement_.head(size));
-    if (!(after > before)) return;
-    const double less = std::sqrt(std::max(before, 0.0) / after);
+    left_over_ += before - after;
+    if (left_over_ >= 0.0) return;
+    const double less = std::sqrt(std::max(after + left_over_, 0.0) / after);
+    left_over_ = 0.0;
     force_.head(size) *= less;
     displacement_.head(size) *= less;
   }
@@ -220,17 +226,18 @@ class PartialSlip {
     displacement_.segment<2>(2 * s) = now;
   }
 
-  /// Set the covered fraction of a patch. With `unloaded` what is newly covered begins without force, so that the energy never rises: the
-  /// caller need not count it in the normal force (coverage_derivative).
+  /// Set the covered fraction of a patch. With `unloaded` what is newly covered begins without force and stays until the node leaves, so
+  /// that the energy never rises, and a load that varies to and fro does not drain the force: the caller need not count the coverage in
+  /// the normal force (coverage_derivative).
   void set_coverage(int s, double coverage, bool unloaded) noexcept {
-    if (coverage == coverage_[at(s)]) return;
-    const bool keep = unloaded && coverage > coverage_[at(s)];
+    if (coverage == coverage_[at(s)] || (unloaded && force_.segment<2>(2 * s) != Eigen::Vector2d::Zero() && coverage < coverage_[at(s)]))
+      return;
     const Eigen::Vector2d creep_state = partial_coverage_creep(s, coverage) - partial_coverage_creep(s, coverage_[at(s)]);
     coverage_[at(s)] = coverage;
     memory_displacement_.segment<2>(2 * s) += creep_state;
     const Eigen::Matrix2d block = covered_compliance(s, coverage);
     const Eigen::Vector2d more = (block - compliance_.block<2, 2>(2 * s, 2 * s)) * force_.segment<2>(2 * s) + creep_state;
-    if (!keep) lag(s) -= more;
+    if (!unloaded) lag(s) -= more;
     displacement_.segment<2>(2 * s) += more;
     compliance_.block<2, 2>(2 * s, 2 * s) = block;
     update_max_compliance(s);
@@ -314,6 +321,7 @@ class PartialSlip {
   DryFriction friction_;
   int max_sweeps_ = 0;
   bool sliding_ = false;
+  double left_over_ = 0.0;             // by changes of the compliance, force times displacement, N m
   int count_ = 0;                      // slots in use
   std::vector<std::int16_t> slot_of_;  // by surface node, or -1
   Eigen::MatrixXd compliance_;         // m/N, by slot, in tangent planes; eight padding rows avoid cache-line conflicts between columns

@@ -19,9 +19,11 @@ namespace palpate::deformable {
 ///
 /// Between its nodes a local model has normal compliance C only. The tangential compliance is that of the body at rest in this plane, times
 /// a scale, plus a displacement common to all nodes. The contact as a whole then yields by LocalModel::contact_compliance, which counts
-/// stiffening, softening under load, inertia and relaxation. The scale is the ratio of C to the normal compliance at rest, or the largest
-/// one that leaves a positive common displacement. The elastic layer yields in shear in series with it: its shear stiffness is h 2 (1 - nu)
-/// / (2 - nu) (Mindlin 1949), with the stiffness h of its points in contact. Points that come into contact begin without force. When the
+/// stiffening and softening under load. The scale is the ratio of C to the normal compliance at rest, or the largest one that leaves a
+/// positive common displacement. A body with inertia or relaxation yields as at rest, in the long term: its model holds for a moment only.
+///
+/// The elastic layer yields in shear in series with the body: its shear stiffness is h 2 (1 - nu) / (2 - nu) (Mindlin 1949), with the
+/// largest stiffness h of its points in contact since the node carries a force. Points that come into contact begin without force. When the
 /// model changes, the forces are kept or reduced, so that they never store more energy than the tip supplied; when the plane rotates, they
 /// rotate with it.
 class LocalModelSlip {
@@ -42,7 +44,7 @@ class LocalModelSlip {
   void step(const LocalModel& model, const Vector3<>& outward, const std::int32_t* contact_nodes, const double* forces,
             const double* layer_stiffness, int count, const Vector3<>& tip_motion) noexcept {
     if (count > 0) rotate_plane(outward);
-    if (model.version != version_) adopt(model);
+    if (model.version != version_ || (count > 0 && slip_.empty())) adopt(model);
     for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
       const double shear = std::max(shear_ratio_ * layer_stiffness[k], least_stiffness) * tangential_layer_compliance;
       coverages_[k] = shear / (1.0 + shear);
@@ -56,6 +58,7 @@ class LocalModelSlip {
 
   void reset() noexcept {
     slip_.reset();
+    tangent_plane_ = model_plane_ = world_plane();
     version_ = -1;
   }
 
@@ -71,6 +74,8 @@ class LocalModelSlip {
  private:
   static constexpr double tangential_layer_compliance = 1.0;  // m/N: any, as the coverage is chosen for it
   static constexpr double least_stiffness = 1e-9;             // N/m
+
+  [[nodiscard]] static Eigen::Matrix<double, 3, 2> world_plane() noexcept { return Eigen::Matrix<double, 3, 2>::Identity(); }
 
   [[nodiscard]] Matrix3<> rest(std::int32_t i, std::int32_t j) const noexcept {
     return Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>>(rest_.block(i, j)).cast<double>();
@@ -88,14 +93,14 @@ class LocalModelSlip {
       now += model.compliance(i, i);
       at_rest += n.dot(rest(model.node_ids[k], model.node_ids[k]) * n);
     }
-    scale_ = now > 0.0 && at_rest > 0.0 ? now / at_rest : 1.0;
-    share_common(model);
+    scale_ = now > 0.0 && at_rest > 0.0 && !model.has_memory ? now / at_rest : 1.0;
+    common_.setZero();
+    if (!model.has_memory) share_common(model);
     slip_.update_compliance(*this);
   }
 
   /// Choose scale and common displacement so that the contact as a whole yields as in the model.
   void share_common(const LocalModel& model) noexcept {
-    common_.setZero();
     double total = 0.0;
     Matrix3<> sum = Matrix3<>::Zero();
     for (std::size_t i = 0; i < static_cast<std::size_t>(model.nodes.size()); ++i) {
@@ -127,7 +132,7 @@ class LocalModelSlip {
   double scale_ = 1.0;                                // of the compliance at rest
   Eigen::Matrix2d common_ = Eigen::Matrix2d::Zero();  // displacement of all nodes per force on any, m/N
   long version_ = -1;
-  Eigen::Matrix<double, 3, 2> tangent_plane_ = (Eigen::Matrix<double, 3, 2>() << 1.0, 0.0, 0.0, 1.0, 0.0, 0.0).finished();
+  Eigen::Matrix<double, 3, 2> tangent_plane_ = world_plane();
   Eigen::Matrix<double, 3, 2> model_plane_ = tangent_plane_;  // when the model was adopted
   std::array<double, 2 * static_cast<std::size_t>(LocalModel::capacity)> coverages_{};
 };

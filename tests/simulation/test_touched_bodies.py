@@ -120,10 +120,11 @@ def test_a_normal_is_that_of_the_nearest_node_turned_to_the_device(block: Path) 
 
 def test_a_quadratic_body_resolves_a_tip_that_spans_its_nodes(tmp_path: Path) -> None:
     fine = build(tmp_path / "fine.h5", 2, 0.006)
-    top = [[0.012, 0.011, 0.0122]]
+    top = [[0.012, 0.011, 0.0235]]  # 0.5 mm deep
     large, small = (scenario_of(fine, radius=radius) for radius in ("12 mm", "0.5 mm"))
     assert has_known_mesh_error(at(top, large), 1)
     assert not has_known_mesh_error(at(top, small), 1)
+    assert not has_known_mesh_error(at([[0.001, 0.011, 0.0235]], large), 1)  # beside an edge
     linear = scenario_of(build(tmp_path / "linear.h5", 1, 0.006), radius="12 mm")
     assert not has_known_mesh_error(at(top, linear), 1)
     firm = scenario_of(build(tmp_path / "firm.h5", 2, 0.006, surface_layer="6 mm = 50 kPa"), radius="12 mm")

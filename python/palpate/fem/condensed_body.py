@@ -39,6 +39,7 @@ CoreBody = (
     | _core.SupportedBody
     | _core.MultirateBody
 )
+_LEVEL: Final = np.cos(np.radians(30.0))
 _LAYER_MODULI: Final[WeakKeyDictionary[BodyData, Array]] = WeakKeyDictionary()  # which the models of a body share
 
 
@@ -141,6 +142,15 @@ class CondensedBody:
         mesh = Mesh(self.points, still, open=True, repair=False) if len(still) else None
         vertices = np.unique(faces[~free])
         return mesh, cKDTree(self.points[vertices]) if len(vertices) else None
+
+    def is_level(self, center: Array, radius: float) -> bool:
+        """Return whether the nodes in a sphere have the normal of the nearest surface point, within 30 degrees.
+
+        Contact along the normals pushes nodes at an edge obliquely: beside one the force was up to 2.7 times too large.
+        """
+        normal = self._pseudonormals.at(*self.surface.nearest(center[None]))[0]
+        within = np.linalg.norm(self.nodes - center, axis=1) < radius
+        return bool((self.normals[within] @ normal > _LEVEL).all())
 
     def in_phase(self, number: int) -> CondensedBody:
         """Return the geometry of the body after a number of changes of its supports: its nodes are those not held."""

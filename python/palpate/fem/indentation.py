@@ -120,7 +120,7 @@ class IndentableBody(CondensedBody):
         else:
             history = self._ramp(center, normal, deep, size, tip)
         nodes, force, small = int(history.nodes[-1]), history.force[-1], unresolved(self.nodes, target, size, tip)
-        error = self._force_error(nodes) if tip == "sphere" and not small else None
+        error = self._force_error(nodes, target, size) if tip == "sphere" and not small else None
         if (apart := float(np.linalg.norm(target - x))) > size:
             at = row_of(1e3 * target)
             warnings.warn(
@@ -141,13 +141,14 @@ class IndentableBody(CondensedBody):
                 )
         return Indentation(force, self.displacement(), nodes, error)
 
-    def _force_error(self, nodes: int) -> float | None:
+    def _force_error(self, nodes: int, point: Array, radius: float) -> float | None:
         """Return the relative error of a sphere's force by the mesh; None if it is not known."""
-        if not isinstance(self.core, _core.DeformableBody | _core.SignedDistanceBody) or self.kind.contact_points:
+        by_distance = isinstance(self.core, _core.SignedDistanceBody)
+        if not (by_distance or self.kind.name == COMPLIANCE.name) or self.kind.contact_points:
             return None
-        if not has_known_error(self.record):
+        if not has_known_error(self.record) or not (by_distance or self.is_level(point, radius)):
             return None
-        return force_error(nodes, signed_distance=isinstance(self.core, _core.SignedDistanceBody))
+        return force_error(nodes, signed_distance=by_distance)
 
     def _static_body(self) -> Self | None:
         """Return the body without inertia, creep, friction and changes of supports, or None if it has none of them.

@@ -77,8 +77,11 @@ def has_known_mesh_error(trace: Recorded, row: int) -> bool:
     scenario, choice, body = found
     tip = _tip_in_body(trace, scenario, body)[row]
     centers = tip + tool_in_body(choice, tick_times(scenario.period, trace.time[[row]]))[0]
-    return has_known_error(body.record) and not any(
-        unresolved(body.nodes, center, choice.radius, choice.tip) for center in centers
+    level = body.kind.by_distance or all(body.is_level(x, choice.radius) for x in centers)
+    return (
+        level
+        and has_known_error(body.record)
+        and not any(unresolved(body.nodes, center, choice.radius, choice.tip) for center in centers)
     )
 
 

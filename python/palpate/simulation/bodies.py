@@ -75,13 +75,14 @@ def has_known_mesh_error(trace: Recorded, row: int) -> bool:
     if (found := _recorded_body(trace)) is None:
         return False
     scenario, choice, body = found
+    if not has_known_error(body.record):
+        return False
     tip = _tip_in_body(trace, scenario, body)[row]
     centers = tip + tool_in_body(choice, tick_times(scenario.period, trace.time[[row]]))[0]
-    level = body.kind.by_distance or all(body.is_level(x, choice.radius) for x in centers)
-    return (
-        level
-        and has_known_error(body.record)
-        and not any(unresolved(body.nodes, center, choice.radius, choice.tip) for center in centers)
+    return all(
+        not unresolved(body.nodes, center, choice.radius, choice.tip)
+        and (body.kind.by_distance or body.is_level(center, choice.radius))
+        for center in centers
     )
 
 

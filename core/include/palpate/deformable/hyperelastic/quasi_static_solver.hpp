@@ -129,11 +129,11 @@ class QuasiStaticSolver {
     tips_contact_.update_normals(model_.displacement());
     tips_contact_.linearize(model_.displacement());
     if (dynamics_.enabled() && is_static_) rest();
-    if (has_memory() && !is_dynamic()) state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement());
+    if (options_.has_memory() && !is_dynamic()) state_energy_ = model_.energy() + tips_contact_.energy(model_.displacement());
     const bool is_balanced = relative_residual() < max_unbalanced;
     if (!is_dynamic()) model_.begin_step(horizon());
     next_.continued = tips_contact_.continued();
-    next_.has_memory = has_memory();
+    next_.has_memory = options_.has_memory();
     next_.returnable = std::max(state_energy_, 0.0);  // not below by rounding
     if (has_inverted() || !model_.is_bounded()) {
       current_.inverted = true;
@@ -171,7 +171,7 @@ class QuasiStaticSolver {
     current_ = LocalModel{};
     current_.version = version;
     current_.compliance_matrix.assign(next_.compliance_matrix.size(), 0.0);
-    if (!has_memory()) return;
+    if (!options_.has_memory()) return;
     if (dynamics_.enabled()) rest();
     look_ahead_ = {};
     state_energy_ = 0.0;
@@ -191,7 +191,7 @@ class QuasiStaticSolver {
   [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
 
   /// Number of columns of LocalModel::contact_compliance, one for each axis.
-  [[nodiscard]] std::size_t contact_columns() const noexcept { return options_.contact_compliance ? 3 : 0; }
+  [[nodiscard]] std::size_t contact_columns() const noexcept { return options_.contact_compliance && !options_.has_memory() ? 3 : 0; }
 
   void set_exact_tangent(bool exact) {
     exact_tangent_ = exact;
@@ -205,8 +205,6 @@ class QuasiStaticSolver {
     return sum;
   }
 
-  /// Whether the body may hold energy that no tip holds.
-  [[nodiscard]] bool has_memory() const noexcept { return dynamics_.enabled() || model_.relaxation().enabled(); }
   /// Time since the last step, s.
   [[nodiscard]] double elapsed() const noexcept {
     return advanced_to_ == no_tick || clock_ <= advanced_to_ ? 0.0 : static_cast<double>(clock_ - advanced_to_) * options_.tick_period;
@@ -384,7 +382,7 @@ class QuasiStaticSolver {
     std::sort(column_nodes_.begin(), column_nodes_.end());
     column_nodes_.erase(std::unique(column_nodes_.begin(), column_nodes_.end()), column_nodes_.end());
     std::vector<std::int32_t> columns = column_nodes_;
-    has_contact_columns_ = options_.contact_compliance && tips_contact_.force_norm() > 0.0;
+    has_contact_columns_ = contact_columns() > 0 && tips_contact_.force_norm() > 0.0;
     for (std::int32_t a = 0; has_contact_columns_ && a < 3; ++a) columns.push_back(n + a);
     columns_.select(columns);
     select_outer_nodes(tips);

@@ -46,9 +46,14 @@ struct SolverOptions {
   ColumnRefinement compliance{};
   Inertia inertia{};
   Relaxation relaxation{};
-  double tick_period = 1e-3;        ///< of the servo, s; of bodies with inertia or relaxation
-  bool contact_compliance = false;  ///< whether the local models have LocalModel::contact_compliance, for friction
-  int update_interval = 20;         ///< ticks that a model update is expected to take; same
+  double tick_period = 1e-3;  ///< of the servo, s; of bodies with inertia or relaxation
+  int update_interval = 20;   ///< ticks that a model update is expected to take; same
+  /// Whether the local models have LocalModel::contact_compliance, for friction. Those of bodies with memory hold for a moment and have
+  /// none.
+  bool contact_compliance = false;
+
+  /// Whether the body may hold energy that no tip holds.
+  [[nodiscard]] bool has_memory() const noexcept { return inertia.density > 0.0 || relaxation.enabled(); }
 };
 
 }  // namespace palpate::deformable

@@ -16,7 +16,7 @@ class FullCompliance {
   FullCompliance() = default;
 
   /// Copy the compliance of `nodes` nodes. `full` is 3n x 3n [m/N], symmetric positive definite; row 3 x node + axis.
-  FullCompliance(std::size_t nodes, const float* full) : count_(nodes), blocks_(9 * count_ * count_) {
+  FullCompliance(std::size_t nodes, const float* full) : FullCompliance(nodes) {
     for (std::size_t i = 0; i < count_; ++i)
       for (std::size_t j = 0; j < count_; ++j) set(i, j, symmetric(full, i, j));
   }
@@ -26,11 +26,13 @@ class FullCompliance {
   /// With `sideways` below 1 the contact counts only this fraction of the displacement across a node's normal at rest: the blocks become
   /// B_i C_ij B_j, B = N N^T + sideways (1 - N N^T). They stay positive definite, so forces keep an energy. 1 is linear elasticity.
   FullCompliance(const SurfaceNodes& nodes, const float* full, double sideways = 1.0)
-      : FullCompliance(static_cast<std::size_t>(nodes.size()), full) {
-    if (sideways == 1.0) return;
+      : FullCompliance(static_cast<std::size_t>(nodes.size())) {
     for (std::size_t i = 0; i < count_; ++i) {
       const Matrix3<float> left = counted(nodes, i, sideways);
-      for (std::size_t j = 0; j < count_; ++j) set(i, j, (left * symmetric(full, i, j) * counted(nodes, j, sideways)).eval());
+      for (std::size_t j = 0; j < count_; ++j) {
+        const Matrix3<float> block = symmetric(full, i, j);
+        set(i, j, sideways == 1.0 ? block : (left * block * counted(nodes, j, sideways)).eval());
+      }
     }
   }
 
@@ -42,6 +44,8 @@ class FullCompliance {
   }
 
  private:
+  explicit FullCompliance(std::size_t nodes) : count_(nodes), blocks_(9 * nodes * nodes) {}
+
   /// Block (i, j): the mean with the transposed entries, so that the compliance is exactly symmetric.
   [[nodiscard]] Matrix3<float> symmetric(const float* full, std::size_t i, std::size_t j) const {
     const std::size_t row = 3 * count_;

@@ -241,7 +241,7 @@ class LocalModelContact {
     }
     ByNode<Vector3<>>& push = node_forces_of_;
     push.fill(Vector3<>::Zero());
-    ByNode<float>& stiffness = before_;
+    ByNode<float>& stiffness = before_;  // no longer needed in this call
     stiffness.fill(0.0F);
     for (std::size_t t = 0; t < at(tips_->count); ++t) {
       ContactResult& tip = result_.tip[t];

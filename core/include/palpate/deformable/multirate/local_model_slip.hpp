@@ -94,16 +94,18 @@ class LocalModelSlip {
       at_rest += n.dot(rest(model.node_ids[k], model.node_ids[k]) * n);
     }
     scale_ = now > 0.0 && at_rest > 0.0 && !model.has_memory ? now / at_rest : 1.0;
-    common_.setZero();
-    if (!model.has_memory) share_common(model);
+    share_common(model);
     slip_.update_compliance(*this);
   }
 
-  /// Choose scale and common displacement so that the contact as a whole yields as in the model.
+  /// Choose scale and common displacement so that the contact as a whole yields as in the model, if that says how.
   void share_common(const LocalModel& model) noexcept {
+    common_.setZero();
+    if (model.contact_compliance.isZero(0.0)) return;
     double total = 0.0;
     Matrix3<> sum = Matrix3<>::Zero();
     for (std::size_t i = 0; i < static_cast<std::size_t>(model.nodes.size()); ++i) {
+      if (!(model.force[i] > 0.0)) continue;
       total += model.force[i];
       for (std::size_t j = 0; j < static_cast<std::size_t>(model.nodes.size()); ++j)
         if (const double f = model.force[i] * model.force[j]; f > 0.0) sum += f * rest(model.node_ids[i], model.node_ids[j]);

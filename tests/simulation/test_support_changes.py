@@ -134,7 +134,9 @@ def test_the_verdict_is_that_of_the_last_phase(block: Path, options: dict[str, A
         assert verdict.state is State.SETTLED, verdict
         assert verdict.linear is not None
         at_limit = name == "released" and "static_friction" in options  # nodes may rest where they begin to slide
-        assert "the linear loop is stable" in verdict.linear or (at_limit and "opposite displacements" in verdict.linear)
+        assert "the linear loop is stable" in verdict.linear or (
+            at_limit and "opposite displacements" in verdict.linear
+        )
         stiffness[name] = np.linalg.norm(loop_response(trace))
         told = "judged after the last change of supports, at " in verdict.reason
         assert told is (name in ("grasped", "released"))

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -60,6 +61,11 @@ inline SupportNodes free() {
 /// The nodes beyond `x` [m] are held.
 inline SupportNodes held_beyond(double x) {
   return held_where([x](const Vector3<>& p) { return p[0] > x; });
+}
+
+/// The nodes within a distance of (x, y) are held [m].
+inline SupportNodes around(double x, double y, double within) {
+  return held_where([=](const Vector3<>& p) { return (p - Vector3<>(x, y, 0.0)).norm() < within; });
 }
 
 /// By signed distance, with friction.
@@ -128,6 +134,12 @@ auto make(std::vector<Change> changes) {
 /// A sphere at depth `deep` [m] over `x`, `y` [m].
 inline Tip sphere(double deep, double x = 0.0, double y = 0.0) {
   return {.kind = Tip::Kind::sphere, .radius = radius, .center = {x, y, radius - deep}};
+}
+
+/// Press, drag aside and leave within 50 steps, then stay above for 50.
+inline Tip path(int k) {
+  const double s = std::min((k % 100) / 50.0, 1.0);
+  return sphere(2e-3 * std::sin(M_PI * s) - 0.5e-3, 4e-3 * s - 2e-3, 1e-3 * std::sin(0.05 * k));
 }
 
 /// Check that a reset body and a copy at rest repeat a run of `ticks` steps in every bit.

@@ -26,14 +26,15 @@ Vector3<> center_at(int k, double over) {
 
 class OnASpring : public testing::TestWithParam<double> {};
 
-// A tip at c feels what it feels at c + give F on the same body without the spring, whose force is found by other iterations.
+// A tip at c feels what it feels at c + give F on the same body without the spring, whose force is found by other iterations. With two
+// coefficients of friction rounding could decide whether the only node in contact sticks.
 TEST_P(OnASpring, TheForceIsThatOfTheHeldBodyAtTheTipsRelativePosition) {
   const double give = 0.8;
   const SurfaceBody loose = sprung(give), held = sprung(0.0);
-  const DryFriction friction{GetParam(), 0.8 * GetParam()};
+  const DryFriction friction{GetParam(), GetParam()};
   for (const TipGeometry& tip : {TipGeometry::sphere(4e-3), TipGeometry::capsule(3e-3, 4e-3, Vector3<>::UnitX()),
                                  TipGeometry::cylinder(4e-3, 1e-3, Vector3<>::UnitZ())}) {
-    SignedDistanceContact one(loose.nodes, loose.compliance, loose.patches, friction);
+    SignedDistanceContact one(loose.nodes, loose.compliance, loose.patches, friction, nullptr, 1, /*bends=*/true);
     SignedDistanceContact other(held.nodes, held.compliance, held.patches, friction);
     const double over = tip.shape == TipGeometry::Shape::cylinder ? 0.0 : tip.radius;
     double largest = 0.0, error = 0.0;
@@ -46,14 +47,14 @@ TEST_P(OnASpring, TheForceIsThatOfTheHeldBodyAtTheTipsRelativePosition) {
       error = std::max(error, (a.force - b.force).norm());
     }
     EXPECT_GT(largest, 1e-4);
-    EXPECT_LT(error, (friction ? 0.025 : 0.002) * largest) << static_cast<int>(tip.shape) << " " << tip.length;
+    EXPECT_LT(error, 0.003 * largest) << static_cast<int>(tip.shape) << " " << tip.length;
   }
 }
 
 TEST_P(OnASpring, WorkLessStoredEnergyDoesNotFall) {
   const SurfaceBody loose = sprung(0.8);
   const TipGeometry tip = TipGeometry::sphere(4e-3);
-  SignedDistanceContact contact(loose.nodes, loose.compliance, loose.patches, {GetParam(), GetParam()});
+  SignedDistanceContact contact(loose.nodes, loose.compliance, loose.patches, {GetParam(), GetParam()}, nullptr, 1, /*bends=*/true);
   Vector3<> last = center_at(0, tip.radius), force = Vector3<>::Zero();
   double work = 0.0, most = 0.0, fall = 0.0, energy = 0.0;
   for (int k = 0; k < 2400; ++k) {

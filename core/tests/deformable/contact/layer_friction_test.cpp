@@ -29,9 +29,22 @@ TEST(LayerFriction, SphereOnHalfSpaceMatchesMindlin) {
   };
   for (int k = 1; k <= 120; ++k) EXPECT_NEAR(at(1.2 * full * k / 120.0), share(1.2 * full * k / 120.0), 0.06) << k;
   EXPECT_TRUE(contact.last().sliding);
-  at((1.2 - 1e-4) * full);  // every node sticks at the reversal
-  EXPECT_FALSE(contact.last().sliding);
   for (int k = 1; k <= 60; ++k) EXPECT_NEAR(at(1.2 * full - full * k / 60.0), 1.0 - 2.0 * share(0.5 * full * k / 60.0), 0.08) << k;
+}
+
+// The static coefficient holds from the reversal on, whatever the speed there: points that come into contact do not slip.
+TEST(LayerFriction, EveryNodeSticksWhenASlidingSphereTurnsBack) {
+  const double radius = 20e-3, depth = 0.3e-3, full = 0.1e-3;  // m
+  const SurfaceBody space = contact_bodies::half_space(16, 8e-3, 20e3);
+  const TipGeometry tip = TipGeometry::sphere(radius);
+  for (const double step : {1e-3, 3e-3, 1e-2, 3e-2}) {
+    SignedDistanceContact contact(space.nodes, space.compliance, space.patches, DryFriction{0.4, 0.3});
+    for (int k = 0; k <= 40; ++k) contact.step(tip, {0.0, 0.0, radius - depth * k / 40.0});
+    for (int k = 1; k <= 200; ++k) contact.step(tip, {3.0 * full * k / 200.0, 0.0, radius - depth});
+    EXPECT_TRUE(contact.last().sliding);
+    for (int k = 1; k <= 10; ++k)
+      EXPECT_FALSE(contact.step(tip, {(3.0 - step * k) * full, 0.0, radius - depth}).sliding) << step << " " << k;
+  }
 }
 
 // From free to free friction takes work, whatever the path: over a smooth body and over edges, for all shapes of tips.

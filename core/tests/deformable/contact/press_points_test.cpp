@@ -1,4 +1,4 @@
-// Points of a node under a tip: the stiffness that fades with the depth, for Newton's method with friction.
+// Points of a node under a tip: the stiffness that carries friction.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,8 +11,8 @@
 
 namespace {
 
-// Without fading it jumps by the stiffness of a point as the point comes into contact.
-TEST(PressPoints, TheFadingStiffnessDoesNotJump) {
+// The whole stiffness jumps by that of a point as the point comes into contact.
+TEST(PressPoints, TheStiffnessThatCarriesFrictionDoesNotJump) {
   using palpate::deformable::NearNodes, palpate::deformable::PressedPoints, palpate::deformable::TipGeometry, palpate::math::Vector3;
   using palpate::deformable::press_points, palpate::deformable::detail::DoublePack;
   const contact_bodies::SurfaceBody body = contact_bodies::half_space(4, 8e-3, 20e3);
@@ -30,20 +30,22 @@ TEST(PressPoints, TheFadingStiffnessDoesNotJump) {
   double jump = 0.0;
   for (int k = 0; k < 10; ++k) {
     const double x = aside(random), y = aside(random);
-    PressedPoints last = pressed({x, y, -radius - 0.2e-3}, fading), sudden;
+    PressedPoints last = pressed({x, y, -radius - 0.2e-3}, fading);
     for (int i = 0; i * step < 0.8e-3; ++i) {
       const double depth = i * step - 0.2e-3;
       const Vector3<> at(x, y, -radius + depth);
       const PressedPoints now = pressed(at, fading), without = pressed(at, 0.0);
-      ASSERT_LT(std::abs(now.stiffness - last.stiffness), 3.0 * step / fading * all);
-      ASSERT_LE(now.stiffness, without.stiffness * (1.0 + 1e-12));
+      ASSERT_LT(std::abs(now.grip - last.grip), 3.0 * step / fading * all);
+      ASSERT_LE(now.grip, now.stiffness);
+      ASSERT_NEAR(press_points<false>(middle, tip, at, nullptr, fading).grip, now.grip, 1e-3 * all);
       ASSERT_EQ(now.force, without.force);
       ASSERT_EQ(now.energy, without.energy);
-      jump = std::max(jump, std::abs(without.stiffness - sudden.stiffness));
+      ASSERT_EQ(now.stiffness, without.stiffness);
+      ASSERT_EQ(without.grip, 0.0);
+      jump = std::max(jump, std::abs(now.stiffness - last.stiffness));
       last = now;
-      sudden = without;
     }
-    ASSERT_GT(last.stiffness, 0.5 * all);
+    ASSERT_GT(last.grip, 0.5 * all);
   }
   EXPECT_GT(jump, 0.02 * all);
 }

@@ -90,16 +90,6 @@ class DenseSwing {
   Eigen::LLT<Matrix> factor_;
 };
 
-SupportNodes around(double x, double y, double within) {
-  return held_where([=](const Vector3<>& p) { return (p - Vector3<>(x, y, 0.0)).norm() < within; });
-}
-
-/// Press, drag aside and leave within 50 steps, then stay above for 50.
-Tip path(int k) {
-  const double s = std::min((k % 100) / 50.0, 1.0);
-  return sphere(2e-3 * std::sin(M_PI * s) - 0.5e-3, 4e-3 * s - 2e-3, 1e-3 * std::sin(0.05 * k));
-}
-
 std::vector<double> displacement_of(BodyWithSupports& body) {
   std::vector<double> u(3 * body.size());
   body.displacement(u.data());

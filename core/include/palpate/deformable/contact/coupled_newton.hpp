@@ -24,10 +24,10 @@ class CoupledNewton {
  public:
   static constexpr int capacity = 64;  ///< places in contact
 
-  /// Force of the law at a place, N, stiffness of its points, N/m, and their energy, J.
+  /// Force of the law at a place, N, stiffness of its points and the part of it that carries friction, N/m, and their energy, J.
   struct Force {
     Vector3<> normal = Vector3<>::Zero(), traction = Vector3<>::Zero();
-    double stiffness = 0.0, energy = 0.0;
+    double stiffness = 0.0, grip = 0.0, energy = 0.0;
   };
 
   CoupledNewton() : compliance_(square(capacity)), matrix_(square(3 * capacity)) {}
@@ -52,6 +52,7 @@ class CoupledNewton {
       p.traction = f.traction;
       p.target = f.normal;
       p.stiffness = f.stiffness;
+      p.grip = f.grip;
       p.layer_energy = f.energy;
       const double length = f.normal.norm();
       if (length > 0.0) p.direction = f.normal / length;

@@ -12,8 +12,8 @@
 namespace palpate::deformable {
 
 /// Coulomb friction of the tips on the engaged places, for SignedDistanceContact. The layer of a node yields in shear as well: its shear
-/// stiffness is k = h 2 (1 - nu) / (2 - nu) (Mindlin 1949), with the stiffness h of the node's points in contact. The traction T of a node
-/// is perpendicular to its force F:
+/// stiffness is k = h 2 (1 - nu) / (2 - nu) (Mindlin 1949), with the stiffness h of the node's points in contact, which fades to zero with
+/// their depth. The traction T of a node is perpendicular to its force F:
 ///   |T| <= mu |F|,   T = (traction that the layer still carries) - k (slip of the node relative to the tip) inside the cone.
 /// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node. In a tick with few sweeps two
 /// blocks change at a time, so that the processor works on both; the sweeps converge as well, because the system of two nodes is positive
@@ -67,13 +67,13 @@ class LayerFriction {
   }
 
   /// Traction of a place displaced by `relative` from its tip's center [m] under the normal force `force` [N] of points of the stiffness
-  /// `stiffness`, N.
+  /// `grip` [N/m], N.
   [[nodiscard]] Vector3<> traction_at(const NearNodes::Place& p, const Vector3<>& relative, const Vector3<>& force,
-                                      double stiffness) const noexcept {
+                                      double grip) const noexcept {
     const double size = force.norm();
-    if (!p.rubs || !(stiffness > 0.0) || !(size > 0.0)) return Vector3<>::Zero();
+    if (!p.rubs || !(grip > 0.0) || !(size > 0.0)) return Vector3<>::Zero();
     const Vector3<> d = force / size;
-    Vector3<> traction = kept(p, stiffness) * p.last_traction - shear_ratio_ * stiffness * (relative - p.last_relative);
+    Vector3<> traction = kept(p, grip) * p.last_traction - shear_ratio_ * grip * (relative - p.last_relative);
     traction -= traction.dot(d) * d;
     return in_cone(traction, coefficient(p.tip) * size);
   }
@@ -87,8 +87,8 @@ class LayerFriction {
       const Vector3<> relative = p.displacement - near.tip_of(p).center;
       const Vector3<> kept_by_layer = carried(p);
       p.last_traction = p.traction;
-      if (p.rubs && p.stiffness > 0.0) {
-        const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.stiffness;
+      if (p.rubs && p.grip > 0.0) {
+        const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.grip;
         Vector3<> missing = (kept_by_layer - p.traction) / stiffness - (relative - p.last_relative);
         missing -= missing.dot(p.direction) * p.direction;
         const bool slips = p.traction.squaredNorm() >= limit * limit * (1.0 - cone_tolerance) &&
@@ -99,16 +99,16 @@ class LayerFriction {
         all[at(p.tip)] = all[at(p.tip)] && slips;
         any[at(p.tip)] = any[at(p.tip)] || slips;
       }
-      p.rubs = p.stiffness > 0.0;
+      p.rubs = p.grip > 0.0;
       p.last_relative = relative;
-      p.last_stiffness = p.stiffness;
+      p.last_grip = p.grip;
     }
     for (std::size_t t = 0; t < max_tips; ++t) sliding_[t] = any[t] && (all[t] || sliding_[t]);
   }
 
   /// Energy of the layer in shear, J.
   [[nodiscard]] double energy(const NearNodes::Place& p) const noexcept {
-    return p.stiffness > 0.0 ? 0.5 * p.traction.squaredNorm() / (shear_ratio_ * p.stiffness) : 0.0;
+    return p.grip > 0.0 ? 0.5 * p.traction.squaredNorm() / (shear_ratio_ * p.grip) : 0.0;
   }
 
   static constexpr std::size_t max_tips = 8;
@@ -130,12 +130,10 @@ class LayerFriction {
   };
 
   /// Share of the last traction that the layer still carries.
-  [[nodiscard]] static double kept(const NearNodes::Place& p, double stiffness) noexcept {
-    return std::min(1.0, stiffness / p.last_stiffness);
-  }
+  [[nodiscard]] static double kept(const NearNodes::Place& p, double grip) noexcept { return std::min(1.0, grip / p.last_grip); }
   /// The last traction as far as the layer still carries it, N.
   [[nodiscard]] static Vector3<> carried(const NearNodes::Place& p) noexcept {
-    return kept(p, p.stiffness) * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
+    return kept(p, p.grip) * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
   }
   /// A traction reduced to at most `limit` [N].
   [[nodiscard]] static Vector3<> in_cone(const Vector3<>& traction, double limit) noexcept {
@@ -153,11 +151,11 @@ class LayerFriction {
       const double force = p.force.norm();
       sum += force;
       rub.mobility = 0.0;
-      if (!p.rubs || !(p.stiffness > 0.0)) continue;
+      if (!p.rubs || !(p.grip > 0.0)) continue;
       const Matrix3<> own = near.compliance(k, k);
       const double across = 0.5 * (own.trace() - p.direction.dot(own * p.direction));
       rub.limit = coefficient(p.tip) * force;
-      rub.yielding = 1.0 / (shear_ratio_ * p.stiffness);
+      rub.yielding = 1.0 / (shear_ratio_ * p.grip);
       rub.mobility = 1.0 / (across + rub.yielding);
       rub.carried = carried(p);
       rub.origin = near.tip_of(p).center + p.last_relative;

@@ -47,12 +47,13 @@ class NearNodes {
     Vector3<> free = Vector3<>::Zero();           // displacement at the end of the period without force, m
     Vector3<> free_change = Vector3<>::Zero();    // of `free` since the last period, m
     double layer_energy = 0.0;                    // of the points in contact, J
-    double last_stiffness = 0.0;                  // of the points in contact in the last tick, N/m
+    double last_grip = 0.0;                       // in the last tick, N/m
     Vector3<> change = Vector3<>::Zero();         // last change of the force, N
     Vector3<> displacement = Vector3<>::Zero();   // m
     Vector3<> target = Vector3<>::Zero();         // resultant of the node's points, N
     Vector3<> direction = Vector3<>::Zero();      // of the target
     double stiffness = 0.0;                       // of the points in contact, N/m
+    double grip = 0.0;                            // the part of it that carries friction, N/m
     double clear_until = 0.0;                     // value of `travelled_` up to which the node is clear, m
     double clearance = 0.0;                       // when last evaluated, m
     Vector3<> clear_at = Vector3<>::Zero();       // position relative to the tip then, m

@@ -21,7 +21,8 @@ namespace palpate::deformable {
 /// Points of a node in contact with a tip.
 struct PressedPoints {
   Vector3<> force = Vector3<>::Zero();  ///< of the tip on the node, N
-  double stiffness = 0.0;               ///< of the points in contact, N/m; with `fading` continuous
+  double stiffness = 0.0;               ///< of the points in contact, N/m
+  double grip = 0.0;                    ///< the same without a jump as a point comes into contact, with `fading`
   double energy = 0.0;                  ///< J
   double clearance = 0.0;               ///< signed distance of the tip from the nearest point, m
 };
@@ -70,8 +71,8 @@ template <class Scalar>
 
 /// Press the points of a node at `at` relative to the tip [m]. With `settle` record the creep of the layer at the end of the period
 /// instead; the energy is the one stored then, without LayerCreep::delayed_energy(), and there is no force. `layer` is null without creep.
-/// Points less deep than `fading` [m] count in proportion to their depth in the stiffness. `Scalar` is FloatPack, which cannot fade, or
-/// DoublePack, which cannot settle.
+/// Points less deep than `fading` [m], if that is not 0, count in proportion to their depth in `grip`. `Scalar` is FloatPack or DoublePack,
+/// which cannot settle.
 template <bool settle, class Scalar = detail::FloatPack>
 PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer,
                            double fading = 0.0) noexcept {
@@ -80,7 +81,7 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
   const PatchPoints& points = *tip.points;
   const auto load = [&points](std::size_t number, std::size_t q) { return detail::read_pack<Scalar>(points.coordinate(number) + q); };
   Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
-  Scalar stiffness(0.0), energy(0.0), delayed(0.0), deepest(-std::numeric_limits<float>::max());
+  Scalar stiffness(0.0), grip(0.0), energy(0.0), delayed(0.0), deepest(-std::numeric_limits<float>::max());
   const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(node)) : 0.0);
   for (std::size_t q = points.begin(node); q < points.end(node); q += lanes) {
     const Vector3<Scalar> y(load(0, q) + Scalar(at[0]), load(1, q) + Scalar(at[1]), load(2, q) + Scalar(at[2]));
@@ -108,10 +109,9 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
     const Scalar turned = load(6, q) * (Scalar(6.0) * x * (Scalar(1.0) - x)) * depth * depth;
     const Scalar push = pressed * depth, pushed = push * in.slope;
     for (int a = 0; a < 3; ++a) force[a] += pushed * in.away[a] + turned * in.bend[a];
-    Scalar counted = pressed * (in.slope * in.slope);
-    if constexpr (std::is_same_v<Scalar, detail::DoublePack>)
-      if (fading > 0.0) counted *= min_of(depth * Scalar(1.0 / fading), Scalar(1.0));
-    stiffness += select(excess > Scalar(0.0), counted, Scalar(0.0));
+    const Scalar counted = select(excess > Scalar(0.0), pressed * (in.slope * in.slope), Scalar(0.0));
+    stiffness += counted;
+    if (fading > 0.0) grip += counted * min_of(depth * Scalar(1.0 / fading), Scalar(1.0));
     energy += push * depth;
   }
   PressedPoints all{.energy = 0.5 * detail::total_of(energy), .clearance = -detail::most_of(deepest)};
@@ -121,6 +121,7 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
     const auto sums = detail::totals_of(force[0], force[1], force[2], stiffness);
     all.force = Vector3<>(sums[0], sums[1], sums[2]);
     all.stiffness = sums[3];
+    if (fading > 0.0) all.grip = detail::total_of(grip);
   }
   return all;
 }

@@ -170,7 +170,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   // of flexible bodies
   static constexpr double smallest_part = 1.0 / 16.0;  // of a tick; a part of it is not halved further
   static constexpr double snap_reach = 0.03;           // of the radius: gap of places that take part where the contact snaps
-  static constexpr double fading = 3e-3;               // of the radius: depth below which a point carries less friction
   static constexpr double unaccounted = 0.02;          // share of energy and work by which an energy may differ from their sum
 
   using Place = NearNodes::Place;
@@ -179,7 +178,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   struct Equilibrium {
     struct State {
       Vector3<> force, traction, displacement;
-      double layer_energy, stiffness;
+      double layer_energy, stiffness, grip;
       std::int32_t node;
       int tip;
     };
@@ -259,7 +258,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     now.count = std::min(near_.engaged(), CoupledNewton::capacity);
     for (int k = 0; k < now.count; ++k) {
       const Place& p = near_.place(k);
-      now.states[at(k)] = {p.force, p.traction, p.displacement, p.layer_energy, p.stiffness, p.node, p.tip};
+      now.states[at(k)] = {p.force, p.traction, p.displacement, p.layer_energy, p.stiffness, p.grip, p.node, p.tip};
     }
     now.energy = energy_of_forces();
   }
@@ -345,6 +344,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     p.traction = state.traction;
     p.layer_energy = state.layer_energy;
     p.stiffness = state.stiffness;
+    p.grip = state.grip;
     near_.set_force(k);
   }
 
@@ -413,14 +413,13 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return last_error <= (brief ? slipping : acceptable);
   }
 
-  /// Force at a place with the displacement `u` [m]. The stiffness, which carries friction, fades with the depth: Newton's method cannot
-  /// solve for a traction that jumps as a point comes into contact.
+  /// Force at a place with the displacement `u` [m].
   [[nodiscard]] CoupledNewton::Force law(const Place& p, const Vector3<>& u) noexcept {
     const NearNodes::Tip& tip = near_.tip_of(p);
     const Vector3<> at = nodes_->point(p.node) + u - tip.center;
-    const PressedPoints pressed = press_points<false, detail::DoublePack>(p.node, tip, at, layer_of(tip), fading * tip.shape.radius);
-    CoupledNewton::Force f{.normal = pressed.force, .stiffness = pressed.stiffness, .energy = pressed.energy};
-    if (friction_) f.traction = friction_.traction_at(p, u - tip.center, f.normal, f.stiffness);
+    const PressedPoints pressed = press_points<false, detail::DoublePack>(p.node, tip, at, layer_of(tip), fading(p));
+    CoupledNewton::Force f{.normal = pressed.force, .stiffness = pressed.stiffness, .grip = pressed.grip, .energy = pressed.energy};
+    if (friction_) f.traction = friction_.traction_at(p, u - tip.center, f.normal, f.grip);
     return f;
   }
 
@@ -523,13 +522,20 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (near_.still_clear(k, at)) return 0.0;
       clear = gap(p, at);
     }
-    const PressedPoints pressed = clear > 0.0 ? PressedPoints{.clearance = clear} : press_points<false>(p.node, tip, at, layer_of(tip));
+    const PressedPoints pressed =
+        clear > 0.0 ? PressedPoints{.clearance = clear} : press_points<false>(p.node, tip, at, layer_of(tip), fading(p));
     p.target = pressed.force;
     p.stiffness = pressed.stiffness;
+    p.grip = pressed.grip;
     p.layer_energy = pressed.energy;
     near_.set_clearance(k, std::max(pressed.clearance, 0.0), at);
     return p.layer_energy + 0.5 * p.force.dot(p.displacement - p.free);
   }
+
+  /// Depth below which a point of a place carries less friction, m; 0 without friction. If the stiffness that carries friction jumped as a
+  /// point comes into contact, so would the traction: the force on a sliding tip would be rough, and Newton's method could not solve for
+  /// it.
+  [[nodiscard]] double fading(const Place& p) const noexcept { return friction_ ? 0.01 * near_.tip_of(p).points->reach(p.node) : 0.0; }
 
   /// Creep of the layer under a tip, or null.
   [[nodiscard]] LayerCreep* layer_of(const NearNodes::Tip& tip) noexcept {

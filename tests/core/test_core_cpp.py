@@ -1,4 +1,4 @@
-"""The core's own tests, under the address and undefined-behavior sanitizers."""
+"""The core's own tests, most of them under the address and undefined-behavior sanitizers."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
+NIGHTLY = bool(os.environ.get("PALPATE_NIGHTLY"))
 
 
 def run(*command: object, cwd: Path | None = None) -> str:
@@ -26,24 +27,36 @@ def configure(source: Path, build: Path, *options: str) -> subprocess.CompletedP
     return subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
 
 
-def test_core_under_sanitizers() -> None:
-    """The GoogleTests of core/tests, with warnings as errors; skipped only where GoogleTest is not installed.
-
-    Those of bodies, whose compilation takes minutes, are in `make sanitize` and `make nightly`.
-    """
-    build = ROOT / "build" / "core-tests"
-    options = ["-DPALPATE_TESTS=ON", "-DPALPATE_SANITIZE=ON", "-DPALPATE_WERROR=ON"]
-    if os.environ.get("PALPATE_NIGHTLY"):
-        options.append("-DPALPATE_NIGHTLY=ON")
+def configure_tests(build: Path, *options: str) -> None:
+    """Configure the tests; skip where GoogleTest is not installed."""
+    options = ("-DPALPATE_TESTS=ON", "-DPALPATE_WERROR=ON", *options)
     if compiler := os.environ.get("PALPATE_TEST_CXX"):
-        options.append(f"-DCMAKE_CXX_COMPILER={compiler}")
+        options = (*options, f"-DCMAKE_CXX_COMPILER={compiler}")
     configured = configure(ROOT, build, *options)
     if "Could NOT find GTest" in configured.stderr:
         pytest.skip("GoogleTest is not installed (Debian: libgtest-dev)")
     assert configured.returncode == 0, configured.stderr
+
+
+def test_core_under_sanitizers() -> None:
+    """The GoogleTests of core/tests, with warnings as errors; skipped only where GoogleTest is not installed.
+
+    Those of bodies, whose compilation under sanitizers takes minutes, are in `make sanitize` and `make nightly`.
+    """
+    build = ROOT / "build" / "core-tests"
+    configure_tests(build, "-DPALPATE_SANITIZE=ON", *(["-DPALPATE_NIGHTLY=ON"] if NIGHTLY else []))
     run(BIN / "ninja", "-C", build)
     output = run(BIN / "ctest", "--test-dir", build, "--output-on-failure", "-j", "2", "--output-junit", "junit.xml")
     assert "100% tests passed" in output
+
+
+@pytest.mark.skipif(NIGHTLY, reason="the test above contains them")
+def test_bodies_in_the_core() -> None:
+    """The GoogleTests of bodies, without sanitizers."""
+    build = ROOT / "build" / "body-tests"
+    configure_tests(build, "-DCMAKE_CXX_FLAGS_RELEASE=-O1")
+    run(BIN / "ninja", "-C", build, "palpate_body_tests")
+    assert "[  PASSED  ] 2" in run(build / "core" / "tests" / "palpate_body_tests", "--gtest_brief=1")
 
 
 def test_the_catalog_in_cpp_is_the_catalog_in_toml() -> None:

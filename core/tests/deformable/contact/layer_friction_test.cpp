@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
 #include <palpate/deformable/contact/signed_distance_contact.hpp>
 #include <palpate/deformable/linear/creep_motion.hpp>
 
@@ -47,6 +49,23 @@ TEST(LayerFriction, EveryNodeSticksWhenASlidingSphereTurnsBack) {
   }
 }
 
+// Points come into contact and leave on the way; the stiffness that carries friction does not jump then.
+TEST(LayerFriction, TheForceOnASlidingSphereDoesNotJump) {
+  const double depth = 1e-3, radius = 6e-3;
+  const SurfaceBody space = contact_bodies::half_space(6, 12e-3, 20e3);
+  SignedDistanceContact contact(space.nodes, space.compliance, space.patches, DryFriction{0.8, 0.8});
+  Vector3<> last = Vector3<>::Zero();
+  double largest = 0.0;
+  for (int k = 0; k < 1500; ++k) {
+    const double x = -6e-3 + 8e-6 * k;
+    const Vector3<> force = contact.step(TipGeometry::sphere(radius), {x, 0.3 * x, radius - depth * std::min(1.0, k / 200.0)}).force;
+    if (k > 300) largest = std::max(largest, (force - last).norm() / force.norm());
+    last = force;
+  }
+  EXPECT_TRUE(contact.last().sliding);
+  EXPECT_LT(largest, 0.006);
+}
+
 // From free to free friction takes work, whatever the path: over a smooth body and over edges, for all shapes of tips.
 TEST(LayerFriction, NoClosedPathGainsWork) {
   for (const bool round_body : {true, false}) {
@@ -84,7 +103,8 @@ TEST(LayerFriction, NoClosedPathGainsWork) {
 }
 
 // Law: what a node's traction lacks in one tick is made up in the next. So the work of a closed path does not depend on its steps. A
-// tip that sticks has always worked as much as the body stores, to 3e-4 of the largest energy where it moves fast.
+// tip that sticks has always worked as much as the body stores, to 5e-4 of the largest energy where it moves fast. The stored energy
+// includes what changes of the layer's stiffness have released: no dissipation hides the error of the iterations.
 TEST(LayerFriction, SmallStepsDoTheWorkOfLargeOnes) {
   const SurfaceBody body = contact_bodies::soft(shapes::ball(3, 10e-3), 1e4, 6e-3, 4e-3);
   const auto work_of = [&body](double mu, int ticks, double ahead) {
@@ -105,11 +125,11 @@ TEST(LayerFriction, SmallStepsDoTheWorkOfLargeOnes) {
     }
     return work;
   };
-  const double small = work_of(0.3, 5000, 1e-10);
-  EXPECT_NEAR(small / work_of(0.3, 1000, 6e-9), 1.0, 2e-4);
-  EXPECT_NEAR(small / work_of(0.3, 100, 6e-9), 1.0, 2e-3);
-  work_of(50.0, 5000, 1e-10);
-  work_of(50.0, 100, 6e-9);
+  const double small = work_of(0.3, 5000, 6e-10);
+  EXPECT_NEAR(small / work_of(0.3, 1000, 1e-8), 1.0, 2e-4);
+  EXPECT_NEAR(small / work_of(0.3, 100, 1e-8), 1.0, 2e-3);
+  work_of(50.0, 5000, 6e-10);
+  work_of(50.0, 100, 1e-8);
 }
 
 TEST(LayerFriction, DoesNotDependOnTheFrameNorOnTheOrderOfTheNodes) {

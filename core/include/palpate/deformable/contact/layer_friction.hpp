@@ -19,8 +19,9 @@ namespace palpate::deformable {
 /// blocks change at a time, so that the processor works on both; the sweeps converge as well, because the system of two nodes is positive
 /// definite, but more slowly. What they lack at the end of a tick is made up in the next.
 ///
-/// The layer carries less than before where its stiffness has fallen, and no more where it has risen, so its energy T.T / (2 k) never
-/// grows without slip: friction only dissipates.
+/// Points that come into contact carry no traction yet, and leave first. As the stiffness k of a node varies, its traction is therefore
+/// proportional to min(k, K), where K is the stiffness of the points that carry it. Its energy T.T / (2 k) never grows beyond what earlier
+/// changes of k have released: friction only dissipates, and a load that varies to and fro does not drain the traction.
 class LayerFriction {
  public:
   /// @param shear_ratio  shear stiffness of the layer over its normal stiffness
@@ -85,7 +86,7 @@ class LayerFriction {
     for (int k = 0; k < near.engaged(); ++k) {
       NearNodes::Place& p = near.place(k);
       const Vector3<> relative = p.displacement - near.tip_of(p).center;
-      const Vector3<> kept_by_layer = carried(p);
+      const Vector3<> kept_by_layer = carried(p), before = p.last_traction;
       p.last_traction = p.traction;
       if (p.rubs && p.grip > 0.0) {
         const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.grip;
@@ -96,9 +97,18 @@ class LayerFriction {
         const Vector3<> next = p.traction + stiffness * missing;
         const double size = next.norm();
         p.last_traction = size > limit ? Vector3<>(next * (limit / size)) : next;
+        const double work = -shear_ratio_ * (p.felt_traction + p.traction).dot(relative - p.last_relative);
+        p.released += before.squaredNorm() / p.last_grip + work - p.last_traction.squaredNorm() / p.grip;
+        if (slips) p.released = std::min(p.released, 0.0);
+        const double old = slips ? 0.0 : kept_by_layer.norm(), gained = (p.last_traction - kept_by_layer).norm();
+        p.carrying = old + gained > 0.0 ? (old * p.carrying + gained * p.grip) / (old + gained) : p.grip;
         all[at(p.tip)] = all[at(p.tip)] && slips;
         any[at(p.tip)] = any[at(p.tip)] || slips;
+      } else {
+        p.carrying = p.grip;
+        p.released = 0.0;
       }
+      p.felt_traction = p.traction;
       p.rubs = p.grip > 0.0;
       p.last_relative = relative;
       p.last_grip = p.grip;
@@ -109,6 +119,10 @@ class LayerFriction {
   /// Energy of the layer in shear, J.
   [[nodiscard]] double energy(const NearNodes::Place& p) const noexcept {
     return p.grip > 0.0 ? 0.5 * p.traction.squaredNorm() / (shear_ratio_ * p.grip) : 0.0;
+  }
+  /// The same after finish(), with what changes of its stiffness have released, J.
+  [[nodiscard]] double stored_energy(const NearNodes::Place& p) const noexcept {
+    return p.grip > 0.0 ? 0.5 / shear_ratio_ * (p.last_traction.squaredNorm() / p.grip + p.released) : 0.0;
   }
 
   static constexpr std::size_t max_tips = 8;
@@ -129,8 +143,12 @@ class LayerFriction {
     Vector3<> origin;   // displacement without slip, m
   };
 
-  /// Share of the last traction that the layer still carries.
-  [[nodiscard]] static double kept(const NearNodes::Place& p, double grip) noexcept { return std::min(1.0, grip / p.last_grip); }
+  /// Ratio to the last traction of what the layer still carries with the stiffness `grip`, without slip.
+  [[nodiscard]] static double kept(const NearNodes::Place& p, double grip) noexcept {
+    const double ratio = std::min(grip, p.carrying) / std::min(p.last_grip, p.carrying);
+    const double square = p.last_traction.squaredNorm(), most = std::max(square / p.last_grip + p.released, 0.0) * grip;
+    return ratio * ratio * square <= most ? ratio : std::sqrt(most / square);
+  }
   /// The last traction as far as the layer still carries it, N.
   [[nodiscard]] static Vector3<> carried(const NearNodes::Place& p) noexcept {
     return kept(p, p.grip) * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);

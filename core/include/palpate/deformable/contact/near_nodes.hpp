@@ -43,11 +43,14 @@ class NearNodes {
     Vector3<> force = Vector3<>::Zero();          // of the tip on the node, N
     Vector3<> traction = Vector3<>::Zero();       // friction on the node, across `direction`, N
     Vector3<> last_traction = Vector3<>::Zero();  // of the last tick, as far as the layer still carries it, N
+    Vector3<> felt_traction = Vector3<>::Zero();  // of the last tick, N
     Vector3<> last_relative = Vector3<>::Zero();  // displacement less the tip's center at the last tick, m
     Vector3<> free = Vector3<>::Zero();           // displacement at the end of the period without force, m
     Vector3<> free_change = Vector3<>::Zero();    // of `free` since the last period, m
     double layer_energy = 0.0;                    // of the points in contact, J
     double last_grip = 0.0;                       // in the last tick, N/m
+    double carrying = 0.0;                        // stiffness of the points that carry the traction, N/m
+    double released = 0.0;                        // by changes of the grip: energy times two over the shear ratio, N m
     Vector3<> change = Vector3<>::Zero();         // last change of the force, N
     Vector3<> displacement = Vector3<>::Zero();   // m
     Vector3<> target = Vector3<>::Zero();         // resultant of the node's points, N

@@ -668,6 +668,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     last_energy_ = tick_energy_;
     stored_energy_ = tick_energy_ + held_energy();
     if (!friction_ && !motion_) return;
+    if (friction_) friction_.finish(near_);
     double layers = 0.0;
     BodyMotion::Period period{.nodes = load_node_.data(), .forces = loads_.data()};
     for (int k = 0; k < near_.engaged(); ++k) {
@@ -677,10 +678,9 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       period.compliance_work += force.dot(p.displacement - p.free);
       period.free_work += force.dot(p.free - held_at(p.node));
       settle_layer(p);
-      layers += p.layer_energy + friction_.energy(p);
+      layers += p.layer_energy + friction_.stored_energy(p);
     }
     for (const LayerCreep& layer : layers_) layers += layer.delayed_energy();
-    if (friction_) friction_.finish(near_);
     stored_energy_ = layers + 0.5 * period.compliance_work + held_energy();
     if (!motion_) return;
     period.count = gather_loads();

@@ -50,7 +50,7 @@ class NearNodes {
     double layer_energy = 0.0;                    // of the points in contact, J
     double last_grip = 0.0;                       // in the last tick, N/m
     double carrying = 0.0;                        // stiffness of the points that carry the traction, N/m
-    double released = 0.0;                        // by changes of the grip: energy times two over the shear ratio, N m
+    double released = 0.0;                        // energy that changes of the grip have released, times twice the shear ratio, J
     Vector3<> change = Vector3<>::Zero();         // last change of the force, N
     Vector3<> displacement = Vector3<>::Zero();   // m
     Vector3<> target = Vector3<>::Zero();         // resultant of the node's points, N

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import brentq
@@ -152,7 +153,9 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[st
                 f"{radius_at_rest:.6g}); the loop may oscillate between the two."
             )
             return _certificate(s, criteria, State.UNDECIDED, reason, margin, tuple(steps))
-        margin["gain_margin_at_rest"] = loop_margins(rest.gain()).gain_up
+        at_rest = loop_margins(rest.gain())
+        margin["gain_margin_at_rest"] = at_rest.gain_up
+        m = replace(m, gain_up=min(m.gain_up, at_rest.gain_up), gain_down=max(m.gain_down, at_rest.gain_down))
     if run.state in FAILED:
         reason = f"small motions about the start decay, but the verdict of the run is {run}."
         return _certificate(s, criteria, State.UNDECIDED, reason, margin, tuple(steps))

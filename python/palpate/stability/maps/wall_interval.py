@@ -72,22 +72,20 @@ def stability_interval(loop: WallLoop, virtual_damping: float | str = 0.0) -> St
     for density in (1, 8):
         angles, values = _crossings(loop, b, density)
         edges = np.concatenate([[0.0], values, [2 * values[-1] if values.size else 1.0]])
-        stable = [is_stable(loop, k, b) for k in 0.5 * (edges[1:] + edges[:-1])]
-        if not any(stable):
+        middles = list(enumerate(0.5 * (edges[1:] + edges[:-1])))
+        first = next((i for i, k in middles if is_stable(loop, k, b)), None)
+        if first is None:
             return StabilityInterval(0.0, 0.0, float("nan"))
-        first = stable.index(True)
-        last = first
-        while last + 1 < len(stable) and stable[last + 1]:
-            last += 1
+        beyond = next((i for i, k in middles[first + 1 :] if not is_stable(loop, k, b)), None)
         lower = float(edges[first])
-        if last == len(stable) - 1:
+        if beyond is None:
             return StabilityInterval(float("inf"), lower, float("nan"))
-        upper = float(edges[last + 1])
+        upper = float(edges[beyond])
         shares = np.concatenate([np.geomspace(1e-3, 0.5, 6), [0.7, 0.9, 0.999]])
         width = upper - lower
         if all(is_stable(loop, k, b) for k in lower + width * shares) and not is_stable(loop, lower + width * 1.001, b):
             break
-    frequency = float(angles[last]) / (2 * np.pi * loop.period)
+    frequency = float(angles[beyond - 1]) / (2 * np.pi * loop.period)
     return StabilityInterval(upper, lower, frequency)
 
 

@@ -21,7 +21,7 @@ namespace palpate::deformable {
 ///
 /// Points that come into contact carry no traction yet, and leave first. As the stiffness k of a node varies, its traction is therefore
 /// proportional to min(k, K), where K is the stiffness of the points that carry it. Its energy T.T / (2 k) never grows beyond what earlier
-/// changes of k have released: friction only dissipates, and a load that varies to and fro does not drain the traction.
+/// changes of k have released: friction only dissipates.
 class LayerFriction {
  public:
   /// @param shear_ratio  shear stiffness of the layer over its normal stiffness
@@ -99,9 +99,11 @@ class LayerFriction {
         p.last_traction = size > limit ? Vector3<>(next * (limit / size)) : next;
         const double work = -shear_ratio_ * (p.felt_traction + p.traction).dot(relative - p.last_relative);
         p.released += before.squaredNorm() / p.last_grip + work - p.last_traction.squaredNorm() / p.grip;
-        if (slips) p.released = std::min(p.released, 0.0);
         const double old = slips ? 0.0 : kept_by_layer.norm(), gained = (p.last_traction - kept_by_layer).norm();
         p.carrying = old + gained > 0.0 ? (old * p.carrying + gained * p.grip) / (old + gained) : p.grip;
+        const double least = std::min(p.grip, p.carrying);  // with the stiffness `carrying` the traction would be carrying / least as large
+        const double taken = p.last_traction.squaredNorm() * (p.carrying / (least * least) - 1.0 / p.grip);
+        p.released = std::min(p.released, taken);  // a change of the stiffness can take no more
         all[at(p.tip)] = all[at(p.tip)] && slips;
         any[at(p.tip)] = any[at(p.tip)] || slips;
       } else {

@@ -133,6 +133,8 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: identify.estimate_parameters(short_recording(0), SLIDER), "the recording has 3 joints, slider has 1"),
     (lambda: identify.estimate_parameters(short_recording(0).slice(0, 250), ARM),
      "0.5 s are too short for 14 parameters; record at least 5 s"),
+    (lambda: smooth(np.zeros((200, 1)), 1e-6, 0.025),
+     "0.0002 s are too short: angles are smoothed over 0.025001 s; record longer, or check the unit of the time"),
     (lambda: TestFunctions(0.1).kernels(0.0151),
      "samples every 0.0151 s are too slow for test functions 0.1 s wide; sample at 0.0125 s or less"),
     (lambda: identify.multisine([1.0], (1.0, 2.0), lines=0), "a multisine needs at least one line; got 0"),

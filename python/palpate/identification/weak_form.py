@@ -68,8 +68,17 @@ class WeakRows:
 
 
 def smooth(angle: Array, period: float, window: float) -> tuple[Array, Array]:
-    """Return angle and speed (n, dof) by local polynomials of order 4 over `window` s."""
+    """Return angle and speed (n, dof) by local polynomials of order 4 over `window` s.
+
+    Raises:
+        RecordingError: the recording is shorter than that.
+    """
     length = max(2 * round(0.5 * window / period) + 1, 7)
+    if len(angle) < length:
+        raise RecordingError(
+            f"{len(angle) * period:g} s are too short: angles are smoothed over {length * period:g} s; record longer, or "
+            "check the unit of the time"
+        )
     return (
         np.asarray(signal.savgol_filter(angle, length, 4, axis=0), dtype=float),
         np.asarray(signal.savgol_filter(angle, length, 4, deriv=1, delta=period, axis=0), dtype=float),

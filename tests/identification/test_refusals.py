@@ -16,7 +16,7 @@ from palpate.errors import RecordingError
 from palpate.identification.arx_models import arx
 from palpate.identification.recording import Recording
 from palpate.identification.samples import check_samples, uniform_period
-from palpate.identification.weak_form import TestFunctions, slowest_speed
+from palpate.identification.weak_form import TestFunctions, slowest_speed, smooth
 
 ARM, SLIDER = devices.load("phantom-premium-1.5a"), devices.load("slider")
 GRID = np.arange(100.0)

@@ -76,8 +76,8 @@ def smooth(angle: Array, period: float, window: float) -> tuple[Array, Array]:
     length = max(2 * round(0.5 * window / period) + 1, 7)
     if len(angle) < length:
         raise RecordingError(
-            f"{len(angle) * period:g} s are too short: angles are smoothed over {length * period:g} s; record longer, or "
-            "check the unit of the time"
+            f"{len(angle) * period:g} s are too short: angles are smoothed over {length * period:g} s; record "
+            "longer, or check the unit of the time"
         )
     return (
         np.asarray(signal.savgol_filter(angle, length, 4, axis=0), dtype=float),

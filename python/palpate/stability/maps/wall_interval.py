@@ -80,12 +80,11 @@ def stability_interval(loop: WallLoop, virtual_damping: float | str = 0.0) -> St
         lower = float(edges[first])
         if beyond is None:
             return StabilityInterval(float("inf"), lower, float("nan"))
-        upper = float(edges[beyond])
+        upper, frequency = float(edges[beyond]), float(angles[beyond - 1]) / (2 * np.pi * loop.period)
         shares = np.concatenate([np.geomspace(1e-3, 0.5, 6), [0.7, 0.9, 0.999]])
         width = upper - lower
         if all(is_stable(loop, k, b) for k in lower + width * shares) and not is_stable(loop, lower + width * 1.001, b):
             break
-    frequency = float(angles[beyond - 1]) / (2 * np.pi * loop.period)
     return StabilityInterval(upper, lower, frequency)
 
 

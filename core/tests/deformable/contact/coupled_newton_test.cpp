@@ -26,12 +26,11 @@ Vector3<> center_at(int k, double over) {
 
 class OnASpring : public testing::TestWithParam<double> {};
 
-// A tip at c feels what it feels at c + give F on the same body without the spring, whose force is found by other iterations. With two
-// coefficients of friction rounding could decide whether the only node in contact sticks.
+// A tip at c feels what it feels at c + give F on the same body without the spring, whose force is found by other iterations.
 TEST_P(OnASpring, TheForceIsThatOfTheHeldBodyAtTheTipsRelativePosition) {
   const double give = 0.8;
   const SurfaceBody loose = sprung(give), held = sprung(0.0);
-  const DryFriction friction{GetParam(), GetParam()};
+  const DryFriction friction{GetParam(), 0.8 * GetParam()};
   for (const TipGeometry& tip : {TipGeometry::sphere(4e-3), TipGeometry::capsule(3e-3, 4e-3, Vector3<>::UnitX()),
                                  TipGeometry::cylinder(4e-3, 1e-3, Vector3<>::UnitZ())}) {
     SignedDistanceContact one(loose.nodes, loose.compliance, loose.patches, friction, nullptr, 1, /*bends=*/true);

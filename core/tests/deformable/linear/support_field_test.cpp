@@ -110,7 +110,7 @@ TEST(SupportField, ObeysItsEquationsWithPrescribedDisplacementsOverAnyChanges) {
     EXPECT_LE((Eigen::Map<const Eigen::VectorXd>(u.data(), size) - expected).cwiseAbs().maxCoeff(), 2e-5 * largest) << k;
     if (!now.touching) {
       const double left = now.energy - solid.energy(), crept_back = layer * std::exp(-2e-3 / retardation);
-      if (touched || changed)  // what nodes that become held have in their layer is given up
+      if (touched || changed)  // the layer of nodes that become held gives up its energy
         EXPECT_TRUE(left > -2e-5 * most_energy && (touched || left < crept_back + 2e-5 * most_energy)) << k;
       else
         EXPECT_NEAR(left, crept_back, 2e-5 * most_energy) << k;

@@ -17,7 +17,7 @@ namespace palpate::deformable {
 ///   |T| <= mu |F|,   T = (traction that the layer still carries) - k (slip of the node relative to the tip) inside the cone.
 /// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node. In a tick with few sweeps two
 /// blocks change at a time, so that the processor works on both; the sweeps converge as well, because the system of two nodes is positive
-/// definite, but more slowly. What they lack at the end of a tick is made up in the next.
+/// definite, but more slowly. The next tick makes up the residual that is left.
 ///
 /// Points that come into contact carry no traction yet, and leave first. As the stiffness k of a node varies, its traction is therefore
 /// proportional to min(k, K), where K is the stiffness of the points that carry it. Its energy T.T / (2 k) never grows beyond what earlier
@@ -86,27 +86,12 @@ class LayerFriction {
     for (int k = 0; k < near.engaged(); ++k) {
       NearNodes::Place& p = near.place(k);
       const Vector3<> relative = p.displacement - near.tip_of(p).center;
-      const Vector3<> kept_by_layer = carried(p), before = p.last_traction;
-      p.last_traction = p.traction;
       if (p.rubs && p.grip > 0.0) {
-        const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.grip;
-        Vector3<> missing = (kept_by_layer - p.traction) / stiffness - (relative - p.last_relative);
-        missing -= missing.dot(p.direction) * p.direction;
-        const bool slips = p.traction.squaredNorm() >= limit * limit * (1.0 - cone_tolerance) &&
-                           p.traction.dot(missing) > cone_tolerance * limit * limit / stiffness;
-        const Vector3<> next = p.traction + stiffness * missing;
-        const double size = next.norm();
-        p.last_traction = size > limit ? Vector3<>(next * (limit / size)) : next;
-        const double work = -shear_ratio_ * (p.felt_traction + p.traction).dot(relative - p.last_relative);
-        p.released += before.squaredNorm() / p.last_grip + work - p.last_traction.squaredNorm() / p.grip;
-        const double old = slips ? 0.0 : kept_by_layer.norm(), gained = (p.last_traction - kept_by_layer).norm();
-        p.carrying = old + gained > 0.0 ? (old * p.carrying + gained * p.grip) / (old + gained) : p.grip;
-        const double least = std::min(p.grip, p.carrying);  // with the stiffness `carrying` the traction would be carrying / least as large
-        const double taken = p.last_traction.squaredNorm() * (p.carrying / (least * least) - 1.0 / p.grip);
-        p.released = std::min(p.released, taken);  // a change of the stiffness can take no more
+        const bool slips = rub(p, relative - p.last_relative);
         all[at(p.tip)] = all[at(p.tip)] && slips;
         any[at(p.tip)] = any[at(p.tip)] || slips;
       } else {
+        p.last_traction = p.traction;
         p.carrying = p.grip;
         p.released = 0.0;
       }
@@ -154,6 +139,27 @@ class LayerFriction {
   /// The last traction as far as the layer still carries it, N.
   [[nodiscard]] static Vector3<> carried(const NearNodes::Place& p) noexcept {
     return kept(p, p.grip) * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
+  }
+  /// Record the traction of a place that has moved by `way` relative to its tip [m], with what the sweeps lack. Return whether it slips.
+  bool rub(NearNodes::Place& p, const Vector3<>& way) const noexcept {
+    const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.grip;
+    const Vector3<> kept_by_layer = carried(p);
+    Vector3<> missing = (kept_by_layer - p.traction) / stiffness - way;
+    missing -= missing.dot(p.direction) * p.direction;
+    const bool slips = p.traction.squaredNorm() >= limit * limit * (1.0 - cone_tolerance) &&
+                       p.traction.dot(missing) > cone_tolerance * limit * limit / stiffness;
+    const double work = -shear_ratio_ * (p.felt_traction + p.traction).dot(way);
+    p.released += p.last_traction.squaredNorm() / p.last_grip + work;
+    p.last_traction = in_cone(p.traction + stiffness * missing, limit);
+    const double square = p.last_traction.squaredNorm();
+    p.released -= square / p.grip;
+
+    const double old = slips ? 0.0 : kept_by_layer.norm(), gained = (p.last_traction - kept_by_layer).norm();
+    p.carrying = old + gained > 0.0 ? (old * p.carrying + gained * p.grip) / (old + gained) : p.grip;
+    // With the stiffness `carrying` the traction would be carrying / least as large: a change of the stiffness can take no more.
+    const double least = std::min(p.grip, p.carrying);
+    p.released = std::min(p.released, square * (p.carrying / (least * least) - 1.0 / p.grip));
+    return slips;
   }
   /// A traction reduced to at most `limit` [N].
   [[nodiscard]] static Vector3<> in_cone(const Vector3<>& traction, double limit) noexcept {

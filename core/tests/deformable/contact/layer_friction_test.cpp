@@ -66,6 +66,26 @@ TEST(LayerFriction, TheForceOnASlidingSphereDoesNotJump) {
   EXPECT_LT(largest, 0.006);
 }
 
+// Points come and go with the depth. What their changes release is no more than they can take back.
+TEST(LayerFriction, ADepthThatVariesDoesNotRaiseTheStoredEnergy) {
+  const double radius = 5e-3, depth = 1.2e-3;
+  const SurfaceBody body = contact_bodies::soft(shapes::box({10e-3, 10e-3, 10e-3}, 5), 1e4, 6e-3, 4e-3);
+  SignedDistanceContact contact(body.nodes, body.compliance, body.patches, DryFriction{0.5, 0.5});
+  const auto energy_at = [&](double deep) {
+    return contact.step(TipGeometry::sphere(radius), {0.3e-3, 0.2e-3, 10e-3 + radius - deep}).energy;
+  };
+  for (int k = 0; k < 100; ++k) energy_at(depth * k / 100.0);
+  const double first = energy_at(depth);
+  EXPECT_GT(first, 1e-5);
+  for (int k = 1; k <= 100 * 100; ++k) {
+    const double energy = energy_at(depth + 0.5e-3 * std::sin(2.0 * M_PI * k / 100.0));
+    if (k % 100 == 0) {
+      ASSERT_LT(energy, 1.001 * first) << k;
+      ASSERT_GT(energy, 0.9 * first) << k;
+    }
+  }
+}
+
 // From free to free friction takes work, whatever the path: over a smooth body and over edges, for all shapes of tips.
 TEST(LayerFriction, NoClosedPathGainsWork) {
   for (const bool round_body : {true, false}) {

@@ -430,7 +430,7 @@ def test_a_run_that_leaves_its_start_says_how_far_it_goes() -> None:
     """From the first sample to the last: 3 mm and 4 mm across each other."""
     way = np.linspace(0.0, 1e-3, 50)[:, None] * np.array([3.0, 0.0, -4.0])
     linear: Any = SimpleNamespace(leaves=True)
-    assert _hidden(trace(way), settled(), "", linear).endswith("comes to rest 5 mm away")
+    assert _hidden(trace(way), settled(), State.SETTLED, "", linear).endswith("comes to rest 5 mm away")
 
 
 @pytest.mark.parametrize(("deflection", "resolution"), [(1e-3, 0.0), (1e-6, 1e-6)])

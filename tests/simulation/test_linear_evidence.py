@@ -65,7 +65,9 @@ def test_a_tip_rests_below_five_millimeters_per_second_over_its_last_samples() -
     assert touches_at_rest(still(samples=19), s) == (False, "")
     assert touches_at_rest(still(samples=20), s) == (True, "")
     assert touches_at_rest(still(unstable_from=0.03), s) == (False, "")
-    assert touches_at_rest(still(), scenario(device={"name": "slider", "model": "linear"})) == (False, "")
+    linear = {"name": "slider", "model": "linear"}
+    assert touches_at_rest(still(), scenario(device=linear)) == (True, "")
+    assert touches_at_rest(still(), scenario(device={**linear, "kinematics": "linear"})) == (False, "")
 
 
 def test_a_tip_off_its_wall_does_not_rest_on_it_and_a_spring_holds_it_anywhere() -> None:
@@ -127,3 +129,25 @@ def test_the_radii_of_a_run_are_those_of_its_loops(kind: str) -> None:
     assert found is not None
     assert found.rest == pytest.approx(found.start, rel=1e-6)
     assert found.start == pytest.approx(certify(tables).margin["spectral_radius"], rel=1e-9)
+
+
+@pytest.mark.parametrize(("stiffness", "duration"), [(2000.0, 8.0), (2500.0, 8.0)])
+def test_an_identified_model_decays_as_its_loop_where_it_rests(stiffness: float, duration: float) -> None:
+    tables = {
+        "device": {"name": "phantom-premium-1.5a", "model": "experimental", "kinematics": "nonlinear"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "0.5 ms", "topology": "force_tracking"},
+        "reference": {"shape": "step", "force": "8.5 N"},
+        "object": {"kind": "spring", "stiffness": f"{stiffness} N/m"},
+        "controller": {"kind": "gain", "gain": [-0.1, 0.1, 0.1]},
+        "run": {"duration": f"{duration} s"},
+    }
+    trace = simulate(Scenario.from_dict(tables))
+    found, _ = linear_radii_of(trace, recorded_scenario(trace))
+    steps = np.linalg.norm(np.diff(held_tip(trace), axis=0), axis=1)
+    half, end = steps[7600:8000].max(), steps[-400:].max()  # of an oscillation of 0.5 s and less
+    per_tick = (end / half) ** (1.0 / (len(steps) - 8000))
+    assert found is not None
+    assert found.rest is not None
+    assert found.rest == pytest.approx(per_tick, abs=2e-5)
+    assert abs(found.start - per_tick) > 4e-4

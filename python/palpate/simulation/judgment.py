@@ -180,8 +180,9 @@ def _explained(
     span = f"{last_fifth[-1] - last_fifth[0]:.3g} s"
     ratio = float(e.late[0]) / max(float(e.prior[0]), 1e-300)
     since: float | None = None
-    if state is State.UNSTABLE and int(e.linear[0]) < 0 and ratio <= GROWING:
-        reason = _hidden(trace, e, swing, linear)
+    alone = State(int(decide(replace(e, linear=np.zeros(1, dtype=int)))[0]))  # without the linear loop
+    if state is State.UNSTABLE and alone is not State.UNSTABLE:
+        reason = _hidden(trace, e, alone, swing, linear)
     elif state is State.UNSTABLE:
         since = float(time[window.begin])
         factor = _factor(ratio if ratio > GROWING else float(np.fmax(ratio, e.widening[0])))
@@ -273,12 +274,11 @@ def _too_deep(trace: Recorded, scenario: Scenario | None) -> str | None:
     )
 
 
-def _hidden(trace: Recorded, e: Evidence, swing: str, linear: LinearRadii | None) -> str:
+def _hidden(trace: Recorded, e: Evidence, alone: State, swing: str, linear: LinearRadii | None) -> str:
     """Return what a run does whose linear loop is unstable, if no oscillation grows at its end."""
     if linear is not None and linear.leaves:
         away = float(np.linalg.norm(trace["tip"][-1] - trace["tip"][0]))
-        return f"the run leaves the unstable equilibrium at its start and comes to rest {1e3 * away:.3g} mm away"
-    alone = State(int(decide(replace(e, linear=np.zeros(1, dtype=int)))[0]))
+        return f"the run leaves its start, where the loop is unstable, and comes to rest {1e3 * away:.3g} mm away"
     if alone in FAILED:
         return f"{alone.label} at the end of the run, with an oscillation by {swing}"
     if bool(generates(e)[0]):

@@ -55,7 +55,7 @@ class LinearRadii:
 
     @property
     def leaves(self) -> bool:
-        """Whether the run leaves an unstable equilibrium and comes to rest where the loop is stable."""
+        """Whether the run leaves a start where the loop is unstable and comes to rest where it is stable."""
         return self.rest is not None and linear_sign(self.start) < 0 < linear_sign(self.rest)
 
     def __str__(self) -> str:
@@ -198,8 +198,12 @@ def touches_at_rest(trace: Recorded, scenario: Scenario) -> tuple[bool, str]:
 
 
 def _rests(trace: Recorded, scenario: Scenario) -> tuple[bool, str]:
-    """Return whether the nonlinear device of a run has come to rest, and the reason if not, empty if it is trivial."""
-    if trace.unstable_from is not None or scenario.device.model != "nonlinear" or len(trace.time) < LAST:
+    """Return whether a run has come to rest, and the reason if not, empty if it is trivial.
+
+    It is trivial where device and kinematics are linear: such a loop is the same at every pose.
+    """
+    linear = scenario.device.model != "nonlinear" and scenario.device.kinematics == "linear"
+    if trace.unstable_from is not None or linear or len(trace.time) < LAST:
         return False, ""
     steps = np.diff(trace.time[-LAST:])[:, None]
     speed = float(np.abs(np.diff(held_tip(trace)[-LAST:], axis=0) / steps).max())

@@ -148,7 +148,8 @@ def scenario_loop(
     """Return the loop of ``scenario`` about its start, or about another pose of rest.
 
     Args:
-        pose: (dof,), rad; the start's if not given. Only a nonlinear device has others.
+        pose: (dof,), rad; the start's if not given. A linear model of the device keeps its plant at every pose, and the
+            geometry of the tip changes with it unless `device.kinematics` is linear as well.
         tip_force: command of the controller at rest there (3,), N, without the hold.
         operator_force: of the hand at rest there (3,), N; the arm's spring at the start if not given.
         arm: holds the tip instead of the scenario's operator.
@@ -162,7 +163,7 @@ def scenario_loop(
     device = scenario.load_device()
     start = device.inverse(scenario.start.tip) if scenario.start.tip is not None else np.array(scenario.start.pose)
     frozen = scenario.device.kinematics == "linear"
-    at = start if pose is None or scenario.device.model != "nonlinear" else np.asarray(pose, dtype=float)
+    at = start if pose is None else np.asarray(pose, dtype=float)
     adapts = scenario.controller.kind == "workspace"  # to the pose
     law = build_controller(scenario, device, at if adapts else start) if controller is None else controller
     stiffness, damping = controlled_object(scenario, law)
@@ -183,7 +184,7 @@ def scenario_loop(
     )
     small = observable_reduction(a, entry, out, directions)
     path = control.StateSpace(*small, np.zeros((r, r)), scenario.period)
-    rests = _rests(device, at, geometric_stiffness)
+    rests = _rests(device, at if scenario.device.model == "nonlinear" else start, geometric_stiffness)
     own = OwnDamping.of(device.viscous, directions.T @ jacobian, geometric_stiffness, scenario.device.delay)
     known = scenario.device.model != "experimental"
     felt = own.felt(scenario.period + scenario.servo.jitter) if known else float("nan")

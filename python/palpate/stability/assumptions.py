@@ -8,7 +8,7 @@ from palpate.arrays import Array
 from palpate.devices import Device
 from palpate.scenario import Scenario
 
-__all__ = ["assumptions", "method", "start_pose"]
+__all__ = ["assumptions", "method", "redesigned", "start_pose"]
 
 
 def start_pose(s: Scenario) -> Array:
@@ -52,7 +52,7 @@ def assumptions(s: Scenario) -> tuple[str, ...]:
             "The controller divides reference and object force by the object's stiffness of the same tick: in the loop "
             "the object is a constant spring of the design stiffness."
         )
-    elif s.controller.kind in ("lead_lag", "lqg") and s.object.stiffness and "stiffness" not in s.controller.options:
+    elif redesigned(s):
         sentences.append(
             "Factors on the object leave the controller as it is: a scenario with another object.stiffness has another "
             "controller, unless controller.stiffness is given."
@@ -67,6 +67,12 @@ def assumptions(s: Scenario) -> tuple[str, ...]:
             "loop is open, off a wall or at a limit of the drive."
         )
     return tuple(sentences)
+
+
+def redesigned(s: Scenario) -> bool:
+    """Return whether another stiffness of the object gives the scenario another controller."""
+    designed = s.controller.kind in ("lead_lag", "lqg") and not s.controller.normalizes
+    return designed and bool(s.object.stiffness) and "stiffness" not in s.controller.options
 
 
 def method(s: Scenario) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from palpate.simulation.linear_evidence import loop_at_rest
 from palpate.simulation.linear_loop import ScenarioLoop, scenario_loop
 from palpate.simulation.simulator import simulate
 from palpate.simulation.verdict import FAILED, State, Verdict
-from palpate.stability.assumptions import assumptions, method
+from palpate.stability.assumptions import assumptions, method, redesigned
 from palpate.stability.certificate import Certificate
 from palpate.stability.counter_example import CounterExample, destabilizing_operator, divergence_example
 from palpate.stability.criteria import check_stability
@@ -77,6 +77,7 @@ def _unstable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[
         if least > 0.0:
             margin["least_stable_gain"] = least
             limit = f"; the loop is stable from {least:.4g} to {gain:.4g} times {whose}"
+        limit += _own_controller(s)
     except PalpateError:
         pass
     angle = _dominant_angle(loop)
@@ -160,7 +161,7 @@ def _stable(s: Scenario, loop: ScenarioLoop, radius: float, criteria: Mapping[st
         reason = f"small motions about the start decay, but the verdict of the run is {run}."
         return _certificate(s, criteria, State.UNDECIDED, reason, margin, tuple(steps))
     passive, destabilizing, addition = _passivity(s, loop, margin, steps)
-    reason = f"{_range(m, loop)}{addition}."
+    reason = f"{_range(m, loop)}{_own_controller(s)}{addition}."
     return _certificate(s, criteria, State.STABLE, reason, margin, tuple(steps), passive, destabilizing)
 
 
@@ -200,6 +201,11 @@ def _passivity(
         None: ", with the operator described; whether it is passive is not known",
     }
     return passive, example, additions[passive]
+
+
+def _own_controller(s: Scenario) -> str:
+    """Return an addition to a factor on the object that holds for the controller as it is alone."""
+    return " with this controller" if redesigned(s) else ""
 
 
 def _range(m: Margins, loop: ScenarioLoop) -> str:

@@ -63,25 +63,51 @@ TEST(LayerFriction, TheForceOnASlidingSphereDoesNotJump) {
     last = force;
   }
   EXPECT_TRUE(contact.last().sliding);
-  EXPECT_LT(largest, 0.006);
+  EXPECT_LT(largest, 0.005);
 }
 
-// Points come and go with the depth. What their changes release is no more than they can take back.
-TEST(LayerFriction, ADepthThatVariesDoesNotRaiseTheStoredEnergy) {
+// Law of Mindlin and Deresiewicz (1953): at the first swing of the depth the points that leave take their tractions with them, and
+// afterwards nothing is lost. The finer the mesh, the more points come and go.
+TEST(LayerFriction, ADepthThatVariesDrainsTheTractionInItsFirstSwingAlone) {
+  const double radius = 8e-3, depth = 1e-3;
+  for (const int cells : {8, 16}) {
+    const SurfaceBody space = contact_bodies::half_space(cells, 16e-3, 20e3);
+    for (const double amplitude : {0.02e-3, 0.1e-3, 0.3e-3, 0.6e-3}) {
+      SignedDistanceContact contact(space.nodes, space.compliance, space.patches, DryFriction{0.8, 0.8});
+      const auto lateral_at = [&](double x, double deep) {
+        return contact.step(TipGeometry::sphere(radius), {x, 0.2 * x, radius - deep}).friction.head<2>().norm();
+      };
+      for (int k = 0; k <= 100; ++k) lateral_at(0.0, depth * k / 100.0);
+      for (int k = 1; k <= 100; ++k) lateral_at(1e-6 * k, depth);
+      const auto swing = [&] {
+        double lateral = 0.0;
+        for (int k = 1; k <= 200; ++k) lateral = lateral_at(0.1e-3, depth + amplitude * std::sin(2.0 * M_PI * k / 200.0));
+        return lateral;
+      };
+      const double start = lateral_at(0.1e-3, depth), first = swing();
+      EXPECT_GT(first, std::sqrt(1.0 - amplitude / depth) * 0.85 * start) << cells << " " << amplitude;
+      for (int n = 2; n <= 50; ++n) ASSERT_NEAR(swing() / first, 1.0, 0.025) << cells << " " << amplitude << " " << n;
+    }
+  }
+}
+
+// The energy drifts with the length of the ticks: the force turns within each of them.
+TEST(LayerFriction, ADepthThatVariesKeepsTheStoredEnergy) {
   const double radius = 5e-3, depth = 1.2e-3;
   const SurfaceBody body = contact_bodies::soft(shapes::box({10e-3, 10e-3, 10e-3}, 5), 1e4, 6e-3, 4e-3);
-  SignedDistanceContact contact(body.nodes, body.compliance, body.patches, DryFriction{0.5, 0.5});
-  const auto energy_at = [&](double deep) {
-    return contact.step(TipGeometry::sphere(radius), {0.3e-3, 0.2e-3, 10e-3 + radius - deep}).energy;
-  };
-  for (int k = 0; k < 100; ++k) energy_at(depth * k / 100.0);
-  const double first = energy_at(depth);
-  EXPECT_GT(first, 1e-5);
-  for (int k = 1; k <= 100 * 100; ++k) {
-    const double energy = energy_at(depth + 0.5e-3 * std::sin(2.0 * M_PI * k / 100.0));
-    if (k % 100 == 0) {
-      ASSERT_LT(energy, 1.001 * first) << k;
-      ASSERT_GT(energy, 0.9 * first) << k;
+  for (const int ticks : {100, 400}) {
+    SignedDistanceContact contact(body.nodes, body.compliance, body.patches, DryFriction{0.5, 0.5});
+    const auto energy_at = [&](double deep) {
+      return contact.step(TipGeometry::sphere(radius), {0.3e-3, 0.2e-3, 10e-3 + radius - deep}).energy;
+    };
+    for (int k = 0; k < 100; ++k) energy_at(depth * k / 100.0);
+    const double first = energy_at(depth);
+    EXPECT_GT(first, 1e-5);
+    for (int k = 1; k <= 50 * ticks; ++k) {
+      const double energy = energy_at(depth + 0.5e-3 * std::sin(2.0 * M_PI * k / ticks));
+      if (k % ticks == 0) {
+        ASSERT_NEAR(energy / first, 1.0, 0.01 + 4.0 / ticks) << ticks << " " << k;
+      }
     }
   }
 }
@@ -123,8 +149,7 @@ TEST(LayerFriction, NoClosedPathGainsWork) {
 }
 
 // Law: what a node's traction lacks in one tick is made up in the next. So the work of a closed path does not depend on its steps. A
-// tip that sticks has always worked as much as the body stores, to 5e-4 of the largest energy where it moves fast. The stored energy
-// includes what changes of the layer's stiffness have released: no dissipation hides the error of the iterations.
+// tip that sticks has always worked as much as the body stores, to 5e-4 of the largest energy where it moves fast.
 TEST(LayerFriction, SmallStepsDoTheWorkOfLargeOnes) {
   const SurfaceBody body = contact_bodies::soft(shapes::ball(3, 10e-3), 1e4, 6e-3, 4e-3);
   const auto work_of = [&body](double mu, int ticks, double ahead) {
@@ -145,10 +170,10 @@ TEST(LayerFriction, SmallStepsDoTheWorkOfLargeOnes) {
     }
     return work;
   };
-  const double small = work_of(0.3, 5000, 6e-10);
+  const double small = work_of(0.3, 5000, 1e-9);
   EXPECT_NEAR(small / work_of(0.3, 1000, 1e-8), 1.0, 2e-4);
   EXPECT_NEAR(small / work_of(0.3, 100, 1e-8), 1.0, 2e-3);
-  work_of(50.0, 5000, 6e-10);
+  work_of(50.0, 5000, 1e-9);
   work_of(50.0, 100, 1e-8);
 }
 

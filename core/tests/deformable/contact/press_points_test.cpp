@@ -25,7 +25,7 @@ TEST(PressPoints, TheStiffnessThatCarriesFrictionDoesNotJump) {
   const std::int32_t middle = body.nodes.nearest(Vector3<>::Zero());
   const double all = body.patches.round.stiffness(middle), step = 1e-3 * fading;
   const auto pressed = [&tip, middle](const Vector3<>& at, double by) {
-    return press_points<false, DoublePack>(middle, tip, at, nullptr, by);
+    return press_points<false, DoublePack>(middle, tip, at, nullptr, {.fading = by});
   };
   double jump = 0.0;
   for (int k = 0; k < 10; ++k) {
@@ -35,17 +35,17 @@ TEST(PressPoints, TheStiffnessThatCarriesFrictionDoesNotJump) {
       const double depth = i * step - 0.2e-3;
       const Vector3<> at(x, y, -radius + depth);
       const PressedPoints now = pressed(at, fading), without = pressed(at, 0.0);
-      ASSERT_LT(std::abs(now.grip - last.grip), 3.0 * step / fading * all);
-      ASSERT_LE(now.grip, now.stiffness);
-      ASSERT_NEAR(press_points<false>(middle, tip, at, nullptr, fading).grip, now.grip, 1e-3 * all);
+      ASSERT_LT(std::abs(now.grip.stiffness - last.grip.stiffness), 3.0 * step / fading * all);
+      ASSERT_LE(now.grip.stiffness, now.stiffness);
+      ASSERT_NEAR(press_points<false>(middle, tip, at, nullptr, {.fading = fading}).grip.stiffness, now.grip.stiffness, 1e-3 * all);
       ASSERT_EQ(now.force, without.force);
       ASSERT_EQ(now.energy, without.energy);
       ASSERT_EQ(now.stiffness, without.stiffness);
-      ASSERT_EQ(without.grip, 0.0);
+      ASSERT_EQ(without.grip.stiffness, 0.0);
       jump = std::max(jump, std::abs(now.stiffness - last.stiffness));
       last = now;
     }
-    ASSERT_GT(last.grip, 0.5 * all);
+    ASSERT_GT(last.grip.stiffness, 0.5 * all);
   }
   EXPECT_GT(jump, 0.02 * all);
 }

@@ -223,7 +223,9 @@ TEST(PassiveModelSwitch, ALateModelDelaysTheLaterOnesOnce) {
         if (k == 0) accepted = body.servo->current_model(*body.models).version == body.solver.local_model().version;
       }
       ASSERT_FALSE(body.servo->tank().empty);
-      if (model > 8) EXPECT_TRUE(accepted) << interval << " " << model;
+      if (model > 8) {
+        EXPECT_TRUE(accepted) << interval << " " << model;
+      }
       body.solver.step(tips, body.models->write_slot());
       body.models->publish();
     }

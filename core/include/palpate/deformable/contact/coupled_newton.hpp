@@ -24,10 +24,11 @@ class CoupledNewton {
  public:
   static constexpr int capacity = 64;  ///< places in contact
 
-  /// Force of the law at a place, N, stiffness of its points and the part of it that carries friction, N/m, and their energy, J.
+  /// Force of the law at a place, N, stiffness of its points, N/m, those that carry friction, and their energy, J.
   struct Force {
     Vector3<> normal = Vector3<>::Zero(), traction = Vector3<>::Zero();
-    double stiffness = 0.0, grip = 0.0, energy = 0.0;
+    double stiffness = 0.0, energy = 0.0;
+    Grip grip{};
   };
 
   CoupledNewton() : compliance_(square(capacity)), matrix_(square(3 * capacity)) {}

@@ -7,6 +7,9 @@
 
 #include "palpate/deformable/contact/dry_friction.hpp"
 #include "palpate/deformable/contact/near_nodes.hpp"
+#include "palpate/deformable/contact/patch_points.hpp"
+#include "palpate/deformable/contact/point_tractions.hpp"
+#include "palpate/deformable/contact/press_points.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
@@ -19,20 +22,30 @@ namespace palpate::deformable {
 /// blocks change at a time, so that the processor works on both; the sweeps converge as well, because the system of two nodes is positive
 /// definite, but more slowly. The next tick makes up the residual that is left.
 ///
-/// Points that come into contact carry no traction yet, and leave first. As the stiffness k of a node varies, its traction is therefore
-/// proportional to min(k, K), where K is the stiffness of the points that carry it. Its energy T.T / (2 k) never grows beyond what earlier
-/// changes of k have released: friction only dissipates.
+/// PointTractions has the tractions of the single points: those that come into contact carry none yet, and those that leave take theirs
+/// with them.
 class LayerFriction {
  public:
-  /// @param shear_ratio  shear stiffness of the layer over its normal stiffness
-  LayerFriction(DryFriction friction, double shear_ratio) : friction_(friction), shear_ratio_(shear_ratio) {}
+  LayerFriction(DryFriction friction, const ContactPatches& patches) : friction_(friction), shear_ratio_(patches.shear_ratio) {
+    if (friction_) points_ = PointTractions(patches, NearNodes::capacity);
+  }
 
   [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(friction_); }
   [[nodiscard]] const DryFriction& coefficients() const noexcept { return friction_; }
   [[nodiscard]] bool sliding(int tip) const noexcept { return sliding_[at(tip)]; }
   void reset() noexcept { sliding_.fill(false); }
   /// Continue the friction `before` of the same tips; NearNodes has the tractions.
-  void take_over(const LayerFriction& before) noexcept { sliding_ = before.sliding_; }
+  void take_over(const LayerFriction& before) noexcept {
+    sliding_ = before.sliding_;
+    points_.take_over(before.points_);
+  }
+  /// Friction of the points of a place. Points less deep than a hundredth of their patch carry less: if the stiffness that carries friction
+  /// jumped as a point comes into contact, so would the traction. The force on a sliding tip would be rough, and Newton's method could not
+  /// solve for it.
+  [[nodiscard]] RubbedPoints points(const NearNodes::Place& p, const PatchPoints& patch) noexcept {
+    if (!friction_) return {};
+    return {0.01 * patch.reach(p.node), p.rubs ? points_.first(p.slot) : nullptr, points_.stride()};
+  }
 
   /// Reduce the traction of a place to what its normal force allows.
   void limit(NearNodes::Place& p) const noexcept {
@@ -67,14 +80,13 @@ class LayerFriction {
     return total.norm();
   }
 
-  /// Traction of a place displaced by `relative` from its tip's center [m] under the normal force `force` [N] of points of the stiffness
-  /// `grip` [N/m], N.
+  /// Traction of a place displaced by `relative` from its tip's center [m] under the normal force `force` [N] of the points `grip`, N.
   [[nodiscard]] Vector3<> traction_at(const NearNodes::Place& p, const Vector3<>& relative, const Vector3<>& force,
-                                      double grip) const noexcept {
+                                      const Grip& grip) const noexcept {
     const double size = force.norm();
-    if (!p.rubs || !(grip > 0.0) || !(size > 0.0)) return Vector3<>::Zero();
+    if (!p.rubs || !(grip.stiffness > 0.0) || !(size > 0.0)) return Vector3<>::Zero();
     const Vector3<> d = force / size;
-    Vector3<> traction = kept(p, grip) * p.last_traction - shear_ratio_ * grip * (relative - p.last_relative);
+    Vector3<> traction = grip.carried - shear_ratio_ * grip.stiffness * (relative - p.last_relative);
     traction -= traction.dot(d) * d;
     return in_cone(traction, coefficient(p.tip) * size);
   }
@@ -86,31 +98,28 @@ class LayerFriction {
     for (int k = 0; k < near.engaged(); ++k) {
       NearNodes::Place& p = near.place(k);
       const Vector3<> relative = p.displacement - near.tip_of(p).center;
-      if (p.rubs && p.grip > 0.0) {
-        const bool slips = rub(p, relative - p.last_relative);
+      if (p.rubs && p.grip.stiffness > 0.0) {
+        const PatchPoints& patch = *near.tip_of(p).points;
+        const bool slips = rub(p, patch.end(p.node) - patch.begin(p.node), relative - p.last_relative);
         all[at(p.tip)] = all[at(p.tip)] && slips;
         any[at(p.tip)] = any[at(p.tip)] || slips;
       } else {
-        p.last_traction = p.traction;
-        p.carrying = p.grip;
-        p.released = 0.0;
+        points_.clear(p.slot);
+        p.grip = {.stiffness = p.grip.stiffness};
       }
-      p.felt_traction = p.traction;
-      p.rubs = p.grip > 0.0;
+      p.rubs = p.grip.stiffness > 0.0;
       p.last_relative = relative;
-      p.last_grip = p.grip;
     }
     for (std::size_t t = 0; t < max_tips; ++t) sliding_[t] = any[t] && (all[t] || sliding_[t]);
   }
 
   /// Energy of the layer in shear, J.
   [[nodiscard]] double energy(const NearNodes::Place& p) const noexcept {
-    return p.grip > 0.0 ? 0.5 * p.traction.squaredNorm() / (shear_ratio_ * p.grip) : 0.0;
+    if (!(p.grip.stiffness > 0.0)) return 0.0;
+    return 0.5 / shear_ratio_ * (p.grip.energy + (p.traction.squaredNorm() - p.grip.carried.squaredNorm()) / p.grip.stiffness);
   }
-  /// The same after finish(), with what changes of its stiffness have released, J.
-  [[nodiscard]] double stored_energy(const NearNodes::Place& p) const noexcept {
-    return p.grip > 0.0 ? 0.5 / shear_ratio_ * (p.last_traction.squaredNorm() / p.grip + p.released) : 0.0;
-  }
+  /// The same after finish(), of the tractions without the residual of the sweeps.
+  [[nodiscard]] double stored_energy(const NearNodes::Place& p) const noexcept { return 0.5 / shear_ratio_ * p.grip.energy; }
 
   static constexpr std::size_t max_tips = 8;
 
@@ -130,35 +139,19 @@ class LayerFriction {
     Vector3<> origin;   // displacement without slip, m
   };
 
-  /// Ratio to the last traction of what the layer still carries with the stiffness `grip`, without slip.
-  [[nodiscard]] static double kept(const NearNodes::Place& p, double grip) noexcept {
-    const double ratio = std::min(grip, p.carrying) / std::min(p.last_grip, p.carrying);
-    const double square = p.last_traction.squaredNorm(), most = std::max(square / p.last_grip + p.released, 0.0) * grip;
-    return ratio * ratio * square <= most ? ratio : std::sqrt(most / square);
-  }
-  /// The last traction as far as the layer still carries it, N.
+  /// The traction of a place without further slip, N.
   [[nodiscard]] static Vector3<> carried(const NearNodes::Place& p) noexcept {
-    return kept(p, p.grip) * (p.last_traction - p.last_traction.dot(p.direction) * p.direction);
+    return p.grip.carried - p.grip.carried.dot(p.direction) * p.direction;
   }
-  /// Record the traction of a place that has moved by `way` relative to its tip [m], with what the sweeps lack. Return whether it slips.
-  bool rub(NearNodes::Place& p, const Vector3<>& way) const noexcept {
-    const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.grip;
-    const Vector3<> kept_by_layer = carried(p);
-    Vector3<> missing = (kept_by_layer - p.traction) / stiffness - way;
+  /// Record the tractions of the `points` of a place that has moved by `way` relative to its tip [m], with what the sweeps lack. Return
+  /// whether it slips.
+  bool rub(NearNodes::Place& p, std::size_t points, const Vector3<>& way) noexcept {
+    const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.grip.stiffness;
+    Vector3<> missing = (carried(p) - p.traction) / stiffness - way;
     missing -= missing.dot(p.direction) * p.direction;
     const bool slips = p.traction.squaredNorm() >= limit * limit * (1.0 - cone_tolerance) &&
                        p.traction.dot(missing) > cone_tolerance * limit * limit / stiffness;
-    const double work = -shear_ratio_ * (p.felt_traction + p.traction).dot(way);
-    p.released += p.last_traction.squaredNorm() / p.last_grip + work;
-    p.last_traction = in_cone(p.traction + stiffness * missing, limit);
-    const double square = p.last_traction.squaredNorm();
-    p.released -= square / p.grip;
-
-    const double old = slips ? 0.0 : kept_by_layer.norm(), gained = (p.last_traction - kept_by_layer).norm();
-    p.carrying = old + gained > 0.0 ? (old * p.carrying + gained * p.grip) / (old + gained) : p.grip;
-    // With the stiffness `carrying` the traction would be carrying / least as large: a change of the stiffness can take no more.
-    const double least = std::min(p.grip, p.carrying);
-    p.released = std::min(p.released, square * (p.carrying / (least * least) - 1.0 / p.grip));
+    p.grip = points_.share(p.slot, points, p.grip, in_cone(p.traction + stiffness * missing, limit), slips);
     return slips;
   }
   /// A traction reduced to at most `limit` [N].
@@ -177,11 +170,11 @@ class LayerFriction {
       const double force = p.force.norm();
       sum += force;
       rub.mobility = 0.0;
-      if (!p.rubs || !(p.grip > 0.0)) continue;
+      if (!p.rubs || !(p.grip.stiffness > 0.0)) continue;
       const Matrix3<> own = near.compliance(k, k);
       const double across = 0.5 * (own.trace() - p.direction.dot(own * p.direction));
       rub.limit = coefficient(p.tip) * force;
-      rub.yielding = 1.0 / (shear_ratio_ * p.grip);
+      rub.yielding = 1.0 / (shear_ratio_ * p.grip.stiffness);
       rub.mobility = 1.0 / (across + rub.yielding);
       rub.carried = carried(p);
       rub.origin = near.tip_of(p).center + p.last_relative;
@@ -211,6 +204,7 @@ class LayerFriction {
 
   DryFriction friction_;
   double shear_ratio_;
+  PointTractions points_;
   std::array<bool, max_tips> sliding_{};
   PlaceForces displacement_;
   std::array<Rub, NearNodes::capacity> rub_{};

@@ -20,6 +20,13 @@
 
 namespace palpate::deformable {
 
+/// Points of a place that carry friction.
+struct Grip {
+  double stiffness = 0.0;                 ///< N/m
+  Vector3<> carried = Vector3<>::Zero();  ///< traction without further slip, N
+  double energy = 0.0;                    ///< of it, times twice the shear ratio, J
+};
+
 /// Nodes near the tips with their compliance and forces. A place is a pair of a node and a tip; the first engaged() of count() places carry
 /// forces.
 ///
@@ -37,26 +44,22 @@ class NearNodes {
     ForcePrediction prediction;  // aligned, therefore first
     std::int32_t node = 0;
     int tip = 0;
+    int slot = 0;                                 // of its own, for what is stored of its points
     bool rubs = false;                            // since the last tick at least: friction acts
     bool barred = false;                          // not touched until the tip is clear of it
     bool flexible = false;                        // the body yields there much more than the layer
     Vector3<> force = Vector3<>::Zero();          // of the tip on the node, N
     Vector3<> traction = Vector3<>::Zero();       // friction on the node, across `direction`, N
-    Vector3<> last_traction = Vector3<>::Zero();  // of the last tick, as far as the layer still carries it, N
-    Vector3<> felt_traction = Vector3<>::Zero();  // of the last tick, N
     Vector3<> last_relative = Vector3<>::Zero();  // displacement less the tip's center at the last tick, m
     Vector3<> free = Vector3<>::Zero();           // displacement at the end of the period without force, m
     Vector3<> free_change = Vector3<>::Zero();    // of `free` since the last period, m
     double layer_energy = 0.0;                    // of the points in contact, J
-    double last_grip = 0.0;                       // in the last tick, N/m
-    double carrying = 0.0;                        // stiffness of the points that carry the traction, N/m
-    double released = 0.0;                        // energy that changes of the grip have released, times twice the shear ratio, J
     Vector3<> change = Vector3<>::Zero();         // last change of the force, N
     Vector3<> displacement = Vector3<>::Zero();   // m
     Vector3<> target = Vector3<>::Zero();         // resultant of the node's points, N
     Vector3<> direction = Vector3<>::Zero();      // of the target
     double stiffness = 0.0;                       // of the points in contact, N/m
-    double grip = 0.0;                            // the part of it that carries friction, N/m
+    Grip grip;                                    // of those that carry friction
     double clear_until = 0.0;                     // value of `travelled_` up to which the node is clear, m
     double clearance = 0.0;                       // when last evaluated, m
     Vector3<> clear_at = Vector3<>::Zero();       // position relative to the tip then, m
@@ -82,7 +85,9 @@ class NearNodes {
         motion_(motion),
         tips_(static_cast<std::size_t>(tips)),
         place_of_(static_cast<std::size_t>(nodes.size()) * tips_.size(), -1),
-        displaced_(bends ? nodes.size() : 0) {}
+        displaced_(bends ? nodes.size() : 0) {
+    for (int k = 0; k < capacity; ++k) place(k).slot = k;
+  }
 
   /// Whether the body yields much more at a node whose compliance has the trace `own` [m/N] than the contact's layer of the stiffness
   /// `layer` [N/m].
@@ -107,6 +112,8 @@ class NearNodes {
       Place& p = place(count_ - 1);
       const Vector3<> free = p.free;
       const bool flexible = p.flexible;
+      for (Place& other : places_)
+        if (other.slot == old.slot) other.slot = p.slot;
       p = old;
       p.node = node;
       p.free = free;
@@ -188,7 +195,7 @@ class NearNodes {
       const double moved = displaced_.set(node, displacement_of(node));
       for (int t = 0; t < tip_count() && count_ < capacity; ++t) {
         const Tip& tip = tips_[at(t)];
-        if (slot(node, t) >= 0) continue;
+        if (place_of(node, t) >= 0) continue;
         const double most = ahead(tip) + moved + ticks * tip.way + tip.points->reach(node);
         if (tip.shape.within(nodes_->point(node) + displaced_.get(node) - tip.center, most)) enter(node, t);
       }
@@ -198,7 +205,7 @@ class NearNodes {
   void clear() noexcept {
     while (count_ > 0) {
       --count_;
-      slot(places_[at(count_)].node, places_[at(count_)].tip) = -1;
+      place_of(places_[at(count_)].node, places_[at(count_)].tip) = -1;
     }
     engaged_ = pending_count_ = looked_at_ = flexible_ = 0;
     bars_ = false;
@@ -325,13 +332,12 @@ class NearNodes {
                              [](const Pending& a, const Pending& b) { return a.gap < b.gap; });
   }
 
-  [[nodiscard]] std::int32_t& slot(std::int32_t node, int tip) noexcept { return place_of_[at(node) * tips_.size() + at(tip)]; }
+  [[nodiscard]] std::int32_t& place_of(std::int32_t node, int tip) noexcept { return place_of_[at(node) * tips_.size() + at(tip)]; }
 
   static void clear_forces(Place& p) noexcept {
     p.force.setZero();
     p.change.setZero();
     p.traction.setZero();
-    p.last_traction.setZero();
     p.rubs = false;
   }
 
@@ -383,7 +389,7 @@ class NearNodes {
     swap(k, count_ - 1);
     --count_;
     flexible_ -= place(count_).flexible ? 1 : 0;
-    slot(place(count_).node, place(count_).tip) = -1;
+    place_of(place(count_).node, place(count_).tip) = -1;
   }
   void drop_far(int tip) noexcept {
     for (int k = count_ - 1; k >= engaged_; --k)
@@ -410,14 +416,16 @@ class NearNodes {
     pending_count_ = static_cast<int>(kept - pending_.begin());
     const double reach = shape.reach() + ahead(tip) + tip.points->max_reach() + (offset_ != nullptr ? offset_->largest() : 0.0);
     nodes_->query_box(low, high, reach, [&](std::int32_t node) {
-      if (slot(node, t) >= 0 || pending_count_ == max_pending || !within(tip, node, ahead(tip))) return;
+      if (place_of(node, t) >= 0 || pending_count_ == max_pending || !within(tip, node, ahead(tip))) return;
       pending_[at(pending_count_++)] = {node, t, gap(tip, node)};
     });
   }
 
   void enter(std::int32_t node, int tip) noexcept {
-    slot(node, tip) = count_;
+    place_of(node, tip) = count_;
+    const int slot = place(count_).slot;
     place(count_) = {};
+    place(count_).slot = slot;
     place(count_).node = node;
     place(count_).tip = tip;
     place(count_).barred = bars_;
@@ -436,8 +444,8 @@ class NearNodes {
     if (k == l) return;
     std::swap(places_[at(k)], places_[at(l)]);
     std::swap(node_[at(k)], node_[at(l)]);
-    slot(place(k).node, place(k).tip) = k;
-    slot(place(l).node, place(l).tip) = l;
+    place_of(place(k).node, place(k).tip) = k;
+    place_of(place(l).node, place(l).tip) = l;
     set_force(k);
     set_force(l);
     copy_.swap(k, l, count_);

@@ -12,6 +12,7 @@
 #include "palpate/deformable/contact/layer_creep.hpp"
 #include "palpate/deformable/contact/near_nodes.hpp"
 #include "palpate/deformable/contact/patch_points.hpp"
+#include "palpate/deformable/contact/point_tractions.hpp"
 #include "palpate/math/pack.hpp"
 #include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
@@ -22,7 +23,7 @@ namespace palpate::deformable {
 struct PressedPoints {
   Vector3<> force = Vector3<>::Zero();  ///< of the tip on the node, N
   double stiffness = 0.0;               ///< of the points in contact, N/m
-  double grip = 0.0;                    ///< the same without a jump as a point comes into contact, with `fading`
+  Grip grip{};                          ///< its stiffness does not jump as a point comes into contact
   double energy = 0.0;                  ///< J
   double clearance = 0.0;               ///< signed distance of the tip from the nearest point, m
 };
@@ -69,19 +70,39 @@ template <class Scalar>
 
 }  // namespace detail
 
+/// Friction of a node's points, for press_points().
+struct RubbedPoints {
+  double fading = 0.0;         ///< depth below which a point carries less friction, m; 0: without friction
+  float* tractions = nullptr;  ///< PointTractions::first(); null: none of the points carries a traction yet
+  std::size_t stride = 0;
+
+  [[nodiscard]] float* column(std::size_t number) const noexcept { return tractions + number * stride; }
+  /// Store the stiffnesses of points from `from` on, N/m.
+  template <class Scalar>
+  [[gnu::always_inline]] void store(std::size_t from, const Scalar& stiffness) const noexcept {
+    float* const to = column(5) + from;
+    if constexpr (std::is_same_v<Scalar, detail::FloatPack>) {
+      *detail::as_packs(to) = stiffness;
+    } else {
+      for (std::size_t l = 0; l < Scalar::width; ++l) to[l] = static_cast<float>(stiffness[l]);
+    }
+  }
+};
+
 /// Press the points of a node at `at` relative to the tip [m]. With `settle` record the creep of the layer at the end of the period
 /// instead; the energy is the one stored then, without LayerCreep::delayed_energy(), and there is no force. `layer` is null without creep.
-/// Points less deep than `fading` [m], if that is not 0, count in proportion to their depth in `grip`. `Scalar` is FloatPack or DoublePack,
-/// which cannot settle.
+/// Points less deep than the `friction`'s depth, if that is not 0, count in proportion to their depth in `grip`. `Scalar` is FloatPack or
+/// DoublePack, which cannot settle.
 template <bool settle, class Scalar = detail::FloatPack>
 PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer,
-                           double fading = 0.0) noexcept {
+                           const RubbedPoints& friction = {}) noexcept {
   using math::any, math::select, math::max_of, math::min_of;
   constexpr std::size_t lanes = std::is_same_v<Scalar, detail::FloatPack> ? detail::float_lanes : detail::DoublePack::width;
   const PatchPoints& points = *tip.points;
   const auto load = [&points](std::size_t number, std::size_t q) { return detail::read_pack<Scalar>(points.coordinate(number) + q); };
   Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
-  Scalar stiffness(0.0), grip(0.0), energy(0.0), delayed(0.0), deepest(-std::numeric_limits<float>::max());
+  Vector3<Scalar> carried(Scalar(0.0), Scalar(0.0), Scalar(0.0));
+  Scalar stiffness(0.0), grip(0.0), sheared(0.0), energy(0.0), delayed(0.0), deepest(-std::numeric_limits<float>::max());
   const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(node)) : 0.0);
   for (std::size_t q = points.begin(node); q < points.end(node); q += lanes) {
     const Vector3<Scalar> y(load(0, q) + Scalar(at[0]), load(1, q) + Scalar(at[1]), load(2, q) + Scalar(at[2]));
@@ -93,8 +114,12 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
       crept = remaining * detail::read_pack<Scalar>(layer->state() + q);
       excess -= crept;
     }
-    if constexpr (!settle)
-      if (!any(excess > Scalar(0.0))) continue;
+    if constexpr (!settle) {
+      if (!any(excess > Scalar(0.0))) {
+        if (friction.tractions != nullptr) friction.store(q - points.begin(node), Scalar(0.0));
+        continue;
+      }
+    }
     const Scalar depth = max_of(excess, Scalar(0.0));
     const Scalar facing = (in.away[0] * normal[0] + in.away[1] * normal[1]) + in.away[2] * normal[2];
     const Scalar x = min_of(max_of(Scalar(1.0) - Scalar(2.0) * facing, Scalar(0.0)), Scalar(1.0));
@@ -111,7 +136,18 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
     for (int a = 0; a < 3; ++a) force[a] += pushed * in.away[a] + turned * in.bend[a];
     const Scalar counted = select(excess > Scalar(0.0), pressed * (in.slope * in.slope), Scalar(0.0));
     stiffness += counted;
-    if (fading > 0.0) grip += counted * min_of(depth * Scalar(1.0 / fading), Scalar(1.0));
+    if (friction.fading > 0.0) {
+      const Scalar gripping = counted * min_of(depth * Scalar(1.0 / friction.fading), Scalar(1.0));
+      grip += gripping;
+      if (friction.tractions != nullptr) {
+        const std::size_t at_point = q - points.begin(node);
+        const auto stored = [&](std::size_t number) { return detail::read_pack<Scalar>(friction.column(number) + at_point); };
+        const Scalar kept = min_of(gripping * stored(3), Scalar(1.0));
+        for (std::size_t a = 0; a < 3; ++a) carried[static_cast<Eigen::Index>(a)] += kept * stored(a);
+        sheared += kept * stored(4);
+        friction.store(at_point, gripping);
+      }
+    }
     energy += push * depth;
   }
   PressedPoints all{.energy = 0.5 * detail::total_of(energy), .clearance = -detail::most_of(deepest)};
@@ -121,7 +157,12 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
     const auto sums = detail::totals_of(force[0], force[1], force[2], stiffness);
     all.force = Vector3<>(sums[0], sums[1], sums[2]);
     all.stiffness = sums[3];
-    if (fading > 0.0) all.grip = detail::total_of(grip);
+    if (friction.fading > 0.0) all.grip.stiffness = detail::total_of(grip);
+    if (friction.tractions != nullptr) {
+      const auto of_friction = detail::totals_of(carried[0], carried[1], carried[2], sheared);
+      all.grip.carried = Vector3<>(of_friction[0], of_friction[1], of_friction[2]);
+      all.grip.energy = of_friction[3];
+    }
   }
   return all;
 }

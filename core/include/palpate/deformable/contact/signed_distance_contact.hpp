@@ -66,7 +66,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
         patches_(&patches),
         motion_(std::move(motion)),
         near_(nodes, compliance, motion_.get(), std::clamp(tips, 1, max_tips), bends),
-        friction_(friction, patches.shear_ratio) {
+        friction_(friction, patches) {
     if (patches.creep.delayed_ratio > 0.0) layers_ = {LayerCreep(patches.round, patches.creep), LayerCreep(patches.flat, patches.creep)};
   }
   SignedDistanceContact(const SurfaceNodes&&, const FullCompliance&, const ContactPatches&, DryFriction = {},
@@ -178,7 +178,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   struct Equilibrium {
     struct State {
       Vector3<> force, traction, displacement;
-      double layer_energy, stiffness, grip;
+      double layer_energy, stiffness;
+      Grip grip;
       std::int32_t node;
       int tip;
     };
@@ -334,7 +335,10 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     for (int k = near_.engaged(); k < near_.count() && near_.engaged() < start_.count; ++k)
       if (start_.find(near_.place(k)) != nullptr) near_.engage(k);
     for (int k = 0; k < near_.engaged(); ++k) set_state(k, *start_.find(near_.place(k)));
-    for (int k = 0; k < near_.engaged(); ++k) move_node(k);
+    for (int k = 0; k < near_.engaged(); ++k) {
+      move_node(k);
+      near_.place(k).grip = law(near_.place(k), near_.place(k).displacement).grip;
+    }
     tick_energy_ = coupled_energy();
   }
 
@@ -417,8 +421,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   [[nodiscard]] CoupledNewton::Force law(const Place& p, const Vector3<>& u) noexcept {
     const NearNodes::Tip& tip = near_.tip_of(p);
     const Vector3<> at = nodes_->point(p.node) + u - tip.center;
-    const PressedPoints pressed = press_points<false, detail::DoublePack>(p.node, tip, at, layer_of(tip), fading(p));
-    CoupledNewton::Force f{.normal = pressed.force, .stiffness = pressed.stiffness, .grip = pressed.grip, .energy = pressed.energy};
+    const PressedPoints pressed = press_points<false, detail::DoublePack>(p.node, tip, at, layer_of(tip), friction_.points(p, *tip.points));
+    CoupledNewton::Force f{.normal = pressed.force, .stiffness = pressed.stiffness, .energy = pressed.energy, .grip = pressed.grip};
     if (friction_) f.traction = friction_.traction_at(p, u - tip.center, f.normal, f.grip);
     return f;
   }
@@ -522,8 +526,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (near_.still_clear(k, at)) return 0.0;
       clear = gap(p, at);
     }
-    const PressedPoints pressed =
-        clear > 0.0 ? PressedPoints{.clearance = clear} : press_points<false>(p.node, tip, at, layer_of(tip), fading(p));
+    const PressedPoints pressed = clear > 0.0 ? PressedPoints{.clearance = clear}
+                                              : press_points<false>(p.node, tip, at, layer_of(tip), friction_.points(p, *tip.points));
     p.target = pressed.force;
     p.stiffness = pressed.stiffness;
     p.grip = pressed.grip;
@@ -531,11 +535,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     near_.set_clearance(k, std::max(pressed.clearance, 0.0), at);
     return p.layer_energy + 0.5 * p.force.dot(p.displacement - p.free);
   }
-
-  /// Depth below which a point of a place carries less friction, m; 0 without friction. If the stiffness that carries friction jumped as a
-  /// point comes into contact, so would the traction: the force on a sliding tip would be rough, and Newton's method could not solve for
-  /// it.
-  [[nodiscard]] double fading(const Place& p) const noexcept { return friction_ ? 0.01 * near_.tip_of(p).points->reach(p.node) : 0.0; }
 
   /// Creep of the layer under a tip, or null.
   [[nodiscard]] LayerCreep* layer_of(const NearNodes::Tip& tip) noexcept {

@@ -18,7 +18,7 @@ namespace palpate::deformable {
 /// t.t / (2 K): K <= k is the stiffness that carries t. A point that comes deeper gains stiffness that carries no traction yet, and as it
 /// leaves that part leaves first. While k falls below K, t falls with it, and the energy too: to and fro, only the first fall loses
 /// traction, as in a contact of Mindlin and Deresiewicz (1953). Stiffnesses are those under pressure; LayerFriction applies the ratio.
-/// Points that slip lose what they have stored of earlier contact.
+/// Points that slip share the traction of their node in proportion to k.
 class PointTractions {
  public:
   /// Columns of a place: traction [N] (0 to 2), 1 / K [m/N] (3), t.t / K [J] (4), k when last evaluated [N/m] (5).

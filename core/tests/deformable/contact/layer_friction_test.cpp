@@ -112,6 +112,25 @@ TEST(LayerFriction, ADepthThatVariesKeepsTheStoredEnergy) {
   }
 }
 
+// The tractions of the points go over with the places, in whatever order these are.
+TEST(LayerFriction, AContactThatContinuesAnotherHasItsForce) {
+  const double radius = 8e-3, depth = 1e-3;
+  const SurfaceBody space = contact_bodies::half_space(16, 16e-3, 20e3);
+  SignedDistanceContact before(space.nodes, space.compliance, space.patches, DryFriction{0.5, 0.4});
+  SignedDistanceContact after(space.nodes, space.compliance, space.patches, DryFriction{0.5, 0.4});
+  const TipGeometry tip = TipGeometry::sphere(radius);
+  for (int k = 0; k <= 400; ++k) before.step(tip, {6e-6 * k, 2e-6 * k, radius - depth * std::min(1.0, k / 100.0)});
+  for (int k = 1; k <= 20; ++k) before.step(tip, {2.4e-3 - 2e-6 * k, 0.8e-3, radius - depth});
+  after.take_over(before, [](std::int32_t node) { return node; });
+  for (int k = 1; k <= 40; ++k) {
+    const Vector3<> center(2.36e-3, 0.8e-3 + 2e-6 * k, radius - depth + 10e-6 * k);
+    const ContactResult &one = before.step(tip, center), &other = after.step(tip, center);
+    EXPECT_GT(one.friction.norm(), 1e-3);
+    ASSERT_LT((one.friction - other.friction).norm(), 2e-3 * one.friction.norm()) << k;
+    ASSERT_NEAR(one.energy, other.energy, 1e-3 * one.energy) << k;
+  }
+}
+
 // From free to free friction takes work, whatever the path: over a smooth body and over edges, for all shapes of tips.
 TEST(LayerFriction, NoClosedPathGainsWork) {
   for (const bool round_body : {true, false}) {

@@ -180,8 +180,9 @@ def _explained(
     span = f"{last_fifth[-1] - last_fifth[0]:.3g} s"
     ratio = float(e.late[0]) / max(float(e.prior[0]), 1e-300)
     since: float | None = None
-    alone = State(int(decide(replace(e, linear=np.zeros(1, dtype=int)))[0]))  # without the linear loop
-    if state is State.UNSTABLE and alone is not State.UNSTABLE:
+    without_loop = replace(e, linear=np.zeros(1, dtype=int))
+    alone = State(int(decide(without_loop)[0])) if state is State.UNSTABLE else state
+    if alone is not state:
         reason = _hidden(trace, e, alone, swing, linear)
     elif state is State.UNSTABLE:
         since = float(time[window.begin])

@@ -9,7 +9,6 @@
 #include "palpate/deformable/contact/near_nodes.hpp"
 #include "palpate/deformable/contact/patch_points.hpp"
 #include "palpate/deformable/contact/point_tractions.hpp"
-#include "palpate/deformable/contact/press_points.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
@@ -34,7 +33,7 @@ class LayerFriction {
   [[nodiscard]] const DryFriction& coefficients() const noexcept { return friction_; }
   [[nodiscard]] bool sliding(int tip) const noexcept { return sliding_[at(tip)]; }
   void reset() noexcept { sliding_.fill(false); }
-  /// Continue the friction `before` of the same tips; NearNodes has the tractions.
+  /// Continue the friction `before` of the same tips, once NearNodes has taken over the places and their slots.
   void take_over(const LayerFriction& before) noexcept {
     sliding_ = before.sliding_;
     points_.take_over(before.points_);

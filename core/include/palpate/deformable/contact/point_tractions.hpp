@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "palpate/deformable/contact/float_pack.hpp"
@@ -85,6 +86,25 @@ class PointTractions {
 
   std::size_t lines_ = 0;  // of 16 points, in a column
   std::vector<Line> state_;
+};
+
+/// Friction of a node's points, for press_points(): a view of PointTractions.
+struct RubbedPoints {
+  double fading = 0.0;         ///< depth below which a point carries less friction, m; 0: without friction
+  float* tractions = nullptr;  ///< PointTractions::first(); null: none of the points carries a traction yet
+  std::size_t stride = 0;
+
+  [[nodiscard]] float* column(std::size_t number) const noexcept { return tractions + number * stride; }
+  /// Store the stiffnesses of points from `from` on, N/m.
+  template <class Scalar>
+  [[gnu::always_inline]] void store(std::size_t from, const Scalar& stiffness) const noexcept {
+    float* const to = column(5) + from;
+    if constexpr (std::is_same_v<Scalar, detail::FloatPack>) {
+      *detail::as_packs(to) = stiffness;
+    } else {
+      for (std::size_t l = 0; l < Scalar::width; ++l) to[l] = static_cast<float>(stiffness[l]);
+    }
+  }
 };
 
 }  // namespace palpate::deformable

@@ -70,25 +70,6 @@ template <class Scalar>
 
 }  // namespace detail
 
-/// Friction of a node's points, for press_points().
-struct RubbedPoints {
-  double fading = 0.0;         ///< depth below which a point carries less friction, m; 0: without friction
-  float* tractions = nullptr;  ///< PointTractions::first(); null: none of the points carries a traction yet
-  std::size_t stride = 0;
-
-  [[nodiscard]] float* column(std::size_t number) const noexcept { return tractions + number * stride; }
-  /// Store the stiffnesses of points from `from` on, N/m.
-  template <class Scalar>
-  [[gnu::always_inline]] void store(std::size_t from, const Scalar& stiffness) const noexcept {
-    float* const to = column(5) + from;
-    if constexpr (std::is_same_v<Scalar, detail::FloatPack>) {
-      *detail::as_packs(to) = stiffness;
-    } else {
-      for (std::size_t l = 0; l < Scalar::width; ++l) to[l] = static_cast<float>(stiffness[l]);
-    }
-  }
-};
-
 /// Press the points of a node at `at` relative to the tip [m]. With `settle` record the creep of the layer at the end of the period
 /// instead; the energy is the one stored then, without LayerCreep::delayed_energy(), and there is no force. `layer` is null without creep.
 /// Points less deep than the `friction`'s depth, if that is not 0, count in proportion to their depth in `grip`. `Scalar` is FloatPack or

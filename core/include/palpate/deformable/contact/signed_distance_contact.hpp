@@ -179,7 +179,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     struct State {
       Vector3<> force, traction, displacement;
       double layer_energy, stiffness;
-      Grip grip;
       std::int32_t node;
       int tip;
     };
@@ -259,7 +258,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     now.count = std::min(near_.engaged(), CoupledNewton::capacity);
     for (int k = 0; k < now.count; ++k) {
       const Place& p = near_.place(k);
-      now.states[at(k)] = {p.force, p.traction, p.displacement, p.layer_energy, p.stiffness, p.grip, p.node, p.tip};
+      now.states[at(k)] = {p.force, p.traction, p.displacement, p.layer_energy, p.stiffness, p.node, p.tip};
     }
     now.energy = energy_of_forces();
   }
@@ -348,7 +347,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     p.traction = state.traction;
     p.layer_energy = state.layer_energy;
     p.stiffness = state.stiffness;
-    p.grip = state.grip;
     near_.set_force(k);
   }
 
@@ -417,7 +415,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return last_error <= (brief ? slipping : acceptable);
   }
 
-  /// Force at a place with the displacement `u` [m].
+  /// Force at a place with the displacement `u` [m]. PointTractions records the stiffness of its points there.
   [[nodiscard]] CoupledNewton::Force law(const Place& p, const Vector3<>& u) noexcept {
     const NearNodes::Tip& tip = near_.tip_of(p);
     const Vector3<> at = nodes_->point(p.node) + u - tip.center;

@@ -9,6 +9,7 @@
 #include "palpate/deformable/contact/near_nodes.hpp"
 #include "palpate/deformable/contact/patch_points.hpp"
 #include "palpate/deformable/contact/point_tractions.hpp"
+#include "palpate/deformable/contact/traction_turn.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
@@ -21,8 +22,8 @@ namespace palpate::deformable {
 /// blocks change at a time, so that the processor works on both; the sweeps converge as well, because the system of two nodes is positive
 /// definite, but more slowly. The next tick makes up the residual that is left.
 ///
-/// PointTractions has the tractions of the single points: those that come into contact carry none yet, and those that leave take theirs
-/// with them.
+/// TractionTurn turns the traction with its plane. PointTractions has the tractions of the single points: those that come into contact
+/// carry none yet, and those that leave take theirs with them.
 class LayerFriction {
  public:
   LayerFriction(DryFriction friction, const ContactPatches& patches) : friction_(friction), shear_ratio_(patches.shear_ratio) {
@@ -84,10 +85,9 @@ class LayerFriction {
                                       const Grip& grip) const noexcept {
     const double size = force.norm();
     if (!p.rubs || !(grip.stiffness > 0.0) || !(size > 0.0)) return Vector3<>::Zero();
-    const Vector3<> d = force / size;
-    Vector3<> traction = grip.carried - shear_ratio_ * grip.stiffness * (relative - p.last_relative);
-    traction -= traction.dot(d) * d;
-    return in_cone(traction, coefficient(p.tip) * size);
+    const TractionTurn turn(p.last_direction, force / size);
+    const Vector3<> slip = turn.slip(relative - p.last_relative);
+    return in_cone(turn.carried(grip.carried) - shear_ratio_ * grip.stiffness * slip, coefficient(p.tip) * size);
   }
 
   /// Record the state at the end of a tick, when the forces are found.
@@ -108,6 +108,7 @@ class LayerFriction {
       }
       p.rubs = p.grip.stiffness > 0.0;
       p.last_relative = relative;
+      p.last_direction = p.direction;
     }
     for (std::size_t t = 0; t < max_tips; ++t) sliding_[t] = any[t] && (all[t] || sliding_[t]);
   }
@@ -138,16 +139,12 @@ class LayerFriction {
     Vector3<> origin;   // displacement without slip, m
   };
 
-  /// The traction of a place without further slip, N.
-  [[nodiscard]] static Vector3<> carried(const NearNodes::Place& p) noexcept {
-    return p.grip.carried - p.grip.carried.dot(p.direction) * p.direction;
-  }
   /// Record the tractions of the `points` of a place that has moved by `way` relative to its tip [m], with what the sweeps lack. Return
   /// whether it slips.
   bool rub(NearNodes::Place& p, std::size_t points, const Vector3<>& way) noexcept {
     const double limit = coefficient(p.tip) * p.force.norm(), stiffness = shear_ratio_ * p.grip.stiffness;
-    Vector3<> missing = (carried(p) - p.traction) / stiffness - way;
-    missing -= missing.dot(p.direction) * p.direction;
+    const TractionTurn turn(p.last_direction, p.direction);
+    const Vector3<> missing = (turn.carried(p.grip.carried) - p.traction) / stiffness - turn.slip(way);
     const bool slips = p.traction.squaredNorm() >= limit * limit * (1.0 - cone_tolerance) &&
                        p.traction.dot(missing) > cone_tolerance * limit * limit / stiffness;
     p.grip = points_.share(p.slot, points, p.grip, in_cone(p.traction + stiffness * missing, limit), slips);
@@ -175,8 +172,10 @@ class LayerFriction {
       rub.limit = coefficient(p.tip) * force;
       rub.yielding = 1.0 / (shear_ratio_ * p.grip.stiffness);
       rub.mobility = 1.0 / (across + rub.yielding);
-      rub.carried = carried(p);
+      const TractionTurn turn(p.last_direction, p.direction);
+      rub.carried = turn.carried(p.grip.carried);
       rub.origin = near.tip_of(p).center + p.last_relative;
+      rub.origin += turn.along(displacement_.get(k) - rub.origin);
     }
     return sum;
   }

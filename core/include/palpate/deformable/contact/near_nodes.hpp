@@ -44,25 +44,26 @@ class NearNodes {
     ForcePrediction prediction;  // aligned, therefore first
     std::int32_t node = 0;
     int tip = 0;
-    int slot = 0;                                 // of its own, for what is stored of its points
-    bool rubs = false;                            // since the last tick at least: friction acts
-    bool barred = false;                          // not touched until the tip is clear of it
-    bool flexible = false;                        // the body yields there much more than the layer
-    Vector3<> force = Vector3<>::Zero();          // of the tip on the node, N
-    Vector3<> traction = Vector3<>::Zero();       // friction on the node, across `direction`, N
-    Vector3<> last_relative = Vector3<>::Zero();  // displacement less the tip's center at the last tick, m
-    Vector3<> free = Vector3<>::Zero();           // displacement at the end of the period without force, m
-    Vector3<> free_change = Vector3<>::Zero();    // of `free` since the last period, m
-    double layer_energy = 0.0;                    // of the points in contact, J
-    Vector3<> change = Vector3<>::Zero();         // last change of the force, N
-    Vector3<> displacement = Vector3<>::Zero();   // m
-    Vector3<> target = Vector3<>::Zero();         // resultant of the node's points, N
-    Vector3<> direction = Vector3<>::Zero();      // of the target
-    double stiffness = 0.0;                       // of the points in contact, N/m
-    Grip grip;                                    // of those that carry friction
-    double clear_until = 0.0;                     // value of `travelled_` up to which the node is clear, m
-    double clearance = 0.0;                       // when last evaluated, m
-    Vector3<> clear_at = Vector3<>::Zero();       // position relative to the tip then, m
+    int slot = 0;                                  // of its own, for what is stored of its points
+    bool rubs = false;                             // since the last tick at least: friction acts
+    bool barred = false;                           // not touched until the tip is clear of it
+    bool flexible = false;                         // the body yields there much more than the layer
+    Vector3<> force = Vector3<>::Zero();           // of the tip on the node, N
+    Vector3<> traction = Vector3<>::Zero();        // friction on the node, across `direction`, N
+    Vector3<> last_relative = Vector3<>::Zero();   // displacement less the tip's center at the last tick, m
+    Vector3<> free = Vector3<>::Zero();            // displacement at the end of the period without force, m
+    Vector3<> free_change = Vector3<>::Zero();     // of `free` since the last period, m
+    double layer_energy = 0.0;                     // of the points in contact, J
+    Vector3<> change = Vector3<>::Zero();          // last change of the force, N
+    Vector3<> displacement = Vector3<>::Zero();    // m
+    Vector3<> target = Vector3<>::Zero();          // resultant of the node's points, N
+    Vector3<> direction = Vector3<>::Zero();       // of the target
+    Vector3<> last_direction = Vector3<>::Zero();  // at the last tick
+    double stiffness = 0.0;                        // of the points in contact, N/m
+    Grip grip;                                     // of those that carry friction
+    double clear_until = 0.0;                      // value of `travelled_` up to which the node is clear, m
+    double clearance = 0.0;                        // when last evaluated, m
+    Vector3<> clear_at = Vector3<>::Zero();        // position relative to the tip then, m
   };
 
   /// A tip and the points that it can press. Set by the contact before update().

@@ -36,12 +36,10 @@ class LayerCreep {
     return static_cast<float>(passed == 1 ? creep_.decay : std::pow(creep_.decay, static_cast<double>(passed)));
   }
   /// Compression by a period's force, relative to the compression of the period in excess of the remaining one.
-  [[nodiscard]] float gain() const noexcept { return static_cast<float>(creep_.gain / creep_.period_ratio); }
+  [[nodiscard]] float gain() const noexcept { return static_cast<float>(creep_.period_gain()); }
   /// Energy of a point of the period's stiffness k [J] is k (series x^2 + delayed e^2) / 2, with the period's excess compression x.
-  [[nodiscard]] float series() const noexcept { return static_cast<float>((1.0 - creep_.delayed_ratio) / creep_.period_ratio); }
-  [[nodiscard]] float delayed() const noexcept {
-    return static_cast<float>(creep_.delayed_ratio > 0.0 ? creep_.period_ratio / creep_.delayed_ratio : 0.0);
-  }
+  [[nodiscard]] float series() const noexcept { return static_cast<float>(creep_.period_series()); }
+  [[nodiscard]] float delayed() const noexcept { return static_cast<float>(creep_.period_delayed()); }
 
   /// Energy of the delayed compression of all points, J.
   [[nodiscard]] double delayed_energy() const noexcept { return std::max(energy_, 0.0); }

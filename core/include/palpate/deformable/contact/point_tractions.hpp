@@ -10,6 +10,7 @@
 #include "palpate/deformable/contact/float_pack.hpp"
 #include "palpate/deformable/contact/near_nodes.hpp"
 #include "palpate/deformable/contact/patch_points.hpp"
+#include "palpate/deformable/linear/creep.hpp"
 #include "palpate/math/select.hpp"
 #include "palpate/math/vector.hpp"
 
@@ -20,25 +21,30 @@ namespace palpate::deformable {
 /// leaves that part leaves first. While k falls below K, t falls with it, and the energy too: to and fro, only the first fall loses
 /// traction, as in a contact of Mindlin and Deresiewicz (1953). Stiffnesses are those under pressure; LayerFriction applies the ratio.
 /// Points that slip share the traction of their node in proportion to k.
+///
+/// On a body that creeps so does the shear of the points, by the law of LayerCreep: with the delayed slip e they have the delayed force
+/// r = k e, whose energy is tracked like that of t.
 class PointTractions {
  public:
-  /// Columns of a place: traction [N] (0 to 2), 1 / K [m/N] (3), t.t / K [J] (4), k when last evaluated [N/m] (5).
-  static constexpr std::size_t columns = 6;
+  /// Columns of a place: traction [N] (0 to 2), 1 / K [m/N] (3), t.t / K [J] (4), k when last evaluated [N/m] (5). On a body that creeps
+  /// they are those at the end of the next period without slip, and others follow: delayed force [N] (6 to 8), r.r / K of it [J] (9).
+  static constexpr std::size_t columns = 6, columns_of_creep = 10;
 
   PointTractions() = default;
-  PointTractions(const ContactPatches& patches, int places) {
+  PointTractions(const ContactPatches& patches, int places)
+      : creep_(patches.creep), columns_(creep_.delayed_ratio > 0.0 ? columns_of_creep : columns) {
     std::size_t most = 0;
     for (const PatchPoints* points : {&patches.round, &patches.flat})
       for (std::int32_t i = 0; i < points->size(); ++i) most = std::max(most, points->end(i) - points->begin(i));
     lines_ = (most + 15) / 16;
-    state_.resize(static_cast<std::size_t>(places) * columns * lines_);
+    state_.resize(static_cast<std::size_t>(places) * columns_ * lines_);
   }
 
   /// First column of a slot; the next ones follow at distances of stride().
   [[nodiscard]] float* first(int slot) noexcept { return state_[line(slot)].value.data(); }
   [[nodiscard]] std::size_t stride() const noexcept { return 16 * lines_; }
 
-  void clear(int slot) noexcept { std::fill_n(state_.begin() + static_cast<std::ptrdiff_t>(line(slot)), columns * lines_, Line()); }
+  void clear(int slot) noexcept { std::fill_n(state_.begin() + static_cast<std::ptrdiff_t>(line(slot)), columns_ * lines_, Line()); }
 
   /// Continue with the tractions of the same slots of `before`, whose nodes have the same points.
   void take_over(const PointTractions& before) noexcept {
@@ -49,7 +55,7 @@ class PointTractions {
   }
 
   /// Give the `points` of a slot the traction `total` [N]. They share its change in proportion to k or, if they slip, the whole of it.
-  /// Return what they carry then.
+  /// Return what they carry at the end of the period, with the energy of the delayed force.
   Grip share(int slot, std::size_t points, const Grip& grip, const Vector3<>& total, bool slips) noexcept {
     using detail::FloatPack, math::max_of, math::min_of;
     const Vector3<> strain = (slips ? total : Vector3<>(total - grip.carried)) / grip.stiffness;
@@ -57,10 +63,11 @@ class PointTractions {
     const auto at = [this, from = first(slot)](std::size_t number, std::size_t q) -> FloatPack& {
       return *detail::as_packs(from + number * stride() + q);
     };
+    const bool creeps = columns_ == columns_of_creep;
     FloatPack energy(0.0);
     for (std::size_t q = 0; q < points; q += detail::float_lanes) {
       const FloatPack k = at(5, q), least_inverse = FloatPack(1.0) / max_of(k, FloatPack(tiny)), inverse = at(3, q);
-      const FloatPack kept = slips ? FloatPack(0.0) : min_of(FloatPack(1.0), k * inverse);
+      const FloatPack left = min_of(FloatPack(1.0), k * inverse), kept = slips ? FloatPack(0.0) : left;
       FloatPack square(0.0), stored = kept * at(4, q);
       for (std::size_t a = 0; a < 3; ++a) {
         const FloatPack carried = kept * at(a, q), now = carried + k * by[a];
@@ -70,7 +77,7 @@ class PointTractions {
       }
       const FloatPack least = square * least_inverse, most = max_of(square * inverse, least);
       stored = slips ? least : min_of(max_of(stored, least), most);
-      energy += stored;
+      energy += creeps ? creep(at, q, left, least_inverse, stored, square) : stored;
       at(4, q) = stored;
       at(3, q) = min_of(FloatPack(above_one) * stored / max_of(square, FloatPack(tiny)), FloatPack(1.0 / tiny));
     }
@@ -82,8 +89,37 @@ class PointTractions {
   static constexpr double tiny = 1e-30;
   static constexpr double above_one = 1.0 + 1e-6;  // a k that stays as it is loses nothing by rounding
 
-  [[nodiscard]] std::size_t line(int slot) const noexcept { return static_cast<std::size_t>(slot) * columns * lines_; }
+  /// Creep of points from `q` on, which keep the part `left` of their delayed forces: the tractions, the energies `stored` in them and
+  /// their squares become those at the end of the next period without slip. Return the energy at the end of this period.
+  template <class At>
+  [[gnu::always_inline]] detail::FloatPack creep(const At& at, std::size_t q, const detail::FloatPack& left,
+                                                 const detail::FloatPack& inverse, detail::FloatPack& stored,
+                                                 detail::FloatPack& square) const noexcept {
+    using detail::FloatPack, math::max_of;
+    const FloatPack decay(creep_.decay), gain(creep_.period_gain()), series(creep_.period_series()), delayed(creep_.period_delayed());
+    const FloatPack in_series = series * stored;
+    FloatPack delayed_square(0.0), in_delayed = left * (decay * decay) * at(9, q);
+    square = FloatPack(0.0);
+    for (std::size_t a = 0; a < 3; ++a) {
+      const FloatPack now = at(a, q), kept = left * at(6 + a, q), before = decay * kept, by = gain * now, crept = before + by;
+      const FloatPack next = now + decay * (kept - crept);
+      in_delayed += (before + crept) * (by * inverse);
+      stored += (now + next) * ((next - now) * inverse);
+      at(6 + a, q) = crept;
+      at(a, q) = next;
+      delayed_square += crept * crept;
+      square += next * next;
+    }
+    in_delayed = max_of(in_delayed, delayed_square * inverse);
+    stored = max_of(stored, square * inverse);
+    at(9, q) = in_delayed;
+    return in_series + delayed * in_delayed;
+  }
 
+  [[nodiscard]] std::size_t line(int slot) const noexcept { return static_cast<std::size_t>(slot) * columns_ * lines_; }
+
+  Creep creep_;
+  std::size_t columns_ = columns;
   std::size_t lines_ = 0;  // of 16 points, in a column
   std::vector<Line> state_;
 };

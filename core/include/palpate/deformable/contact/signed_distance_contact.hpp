@@ -247,8 +247,11 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (!friction_) p.last_relative = p.free - p.free_change + near_.displacement(k) - center;
       p.displacement = p.last_relative + center;
       LayerCreep* const layer = layer_of(tip);
-      if (layer != nullptr)
-        p.layer_energy = press_points<false, detail::DoublePack>(p.node, tip, nodes_->point(p.node) + p.last_relative, layer).energy;
+      if (layer == nullptr) continue;
+      const Vector3<> at = nodes_->point(p.node) + p.last_relative;
+      const PressedPoints pressed = press_points<false, detail::DoublePack>(p.node, tip, at, layer, friction_.points(p, *tip.points));
+      p.layer_energy = pressed.energy;
+      p.grip = {pressed.grip.stiffness, p.traction, pressed.grip.energy};
     }
     record(start_);
   }

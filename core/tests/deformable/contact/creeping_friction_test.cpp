@@ -9,35 +9,40 @@
 #include "palpate/deformable/linear/creep_motion.hpp"
 #include "support/contact_bodies.hpp"
 
-using namespace palpate::deformable;
 using contact_bodies::SurfaceBody;
+using palpate::deformable::ContactResult, palpate::deformable::Creep, palpate::deformable::DryFriction, palpate::deformable::Grip,
+    palpate::deformable::PointTractions, palpate::deformable::SignedDistanceContact, palpate::deformable::TipGeometry;
 using palpate::math::Vector3;
 
-namespace {
+namespace creeping_friction {
 
 /// Half-space whose long-term modulus is 20 kPa.
 struct RelaxingHalfSpace {
   Creep law;
   SurfaceBody lasting, of_period;
-  ContactPatches patches;
+  palpate::deformable::ContactPatches patches;
 
   explicit RelaxingHalfSpace(double ratio, double retardation, int cells = 8)
-      : law(creep_law(ratio, retardation, 1e-3)),
+      : law(palpate::deformable::creep_law(ratio, retardation, 1e-3)),
         lasting(contact_bodies::half_space(cells, 16e-3, 20e3)),
         of_period(contact_bodies::half_space(cells, 16e-3, 20e3 / law.period_ratio)),
         patches(lasting.surface, law) {}
 
   [[nodiscard]] SignedDistanceContact contact(DryFriction friction) const {
-    return {of_period.nodes, of_period.compliance, patches, friction, std::make_unique<CreepMotion>(of_period.compliance, law)};
+    return {of_period.nodes, of_period.compliance, patches, friction,
+            std::make_unique<palpate::deformable::CreepMotion>(of_period.compliance, law)};
   }
 };
 
-constexpr double radius = 8e-3, depth = 1e-3;
+inline constexpr double radius = 8e-3, depth = 1e-3;
 
-}  // namespace
+}  // namespace creeping_friction
+
+using creeping_friction::RelaxingHalfSpace;
 
 // Held for 20 retardation times. The slip of the rim depends on the way there.
 TEST(CreepingFriction, ATipThatSticksHasTheLongTermForce) {
+  using creeping_friction::depth, creeping_friction::radius;
   for (const double ratio : {2.0, 5.0})
     for (const double mu : {0.3, 5.0}) {
       const RelaxingHalfSpace space(ratio, 0.02);
@@ -58,6 +63,7 @@ TEST(CreepingFriction, ATipThatSticksHasTheLongTermForce) {
 
 // Law: the creep of the layer in shear supplies no energy, while points come and go and slip.
 TEST(CreepingFriction, TheBodyNeverStoresMoreThanTheTipHasWorked) {
+  using creeping_friction::radius;
   for (const double mu : {0.3, 5.0})
     for (const double retardation : {0.01, 0.1}) {
       const RelaxingHalfSpace space(4.0, retardation);

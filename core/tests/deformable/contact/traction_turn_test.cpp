@@ -9,17 +9,19 @@
 using palpate::deformable::TractionTurn;
 using palpate::math::Vector3;
 
-namespace {
+namespace traction_turn {
 
-Vector3<> any(std::mt19937& random) {
+inline Vector3<> any(std::mt19937& random) {
   std::normal_distribution<double> normal;
   return {normal(random), normal(random), normal(random)};
 }
-Vector3<> across(const Vector3<>& v, const Vector3<>& d) {
+inline Vector3<> across(const Vector3<>& v, const Vector3<>& d) {
   return v - v.dot(d) * d;
 }
 
-}  // namespace
+}  // namespace traction_turn
+
+using traction_turn::across, traction_turn::any;
 
 TEST(TractionTurn, IsTheRotationFromOneDirectionToTheOther) {
   std::mt19937 random(1);

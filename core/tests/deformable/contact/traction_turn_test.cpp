@@ -28,7 +28,8 @@ TEST(TractionTurn, IsTheRotationFromOneDirectionToTheOther) {
   for (int n = 0; n < 100; ++n) {
     const Vector3<> before = any(random).normalized(), now = any(random).normalized(), traction = across(any(random), before);
     if ((before + now).squaredNorm() < 0.1) continue;
-    const Vector3<> turned = Eigen::Quaterniond::FromTwoVectors(before, now) * traction;
+    const Vector3<> axis = before.cross(now),
+                    turned = Eigen::AngleAxisd(std::atan2(axis.norm(), before.dot(now)), axis.normalized()) * traction;
     EXPECT_LT((TractionTurn(before, now).carried(traction) - turned).norm(), 1e-12 * traction.norm());
   }
 }

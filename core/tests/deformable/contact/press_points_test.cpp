@@ -25,7 +25,7 @@ TEST(PressPoints, TheStiffnessThatCarriesFrictionDoesNotJump) {
   const std::int32_t middle = body.nodes.nearest(Vector3<>::Zero());
   const double all = body.patches.round.stiffness(middle), step = 1e-3 * fading;
   const auto pressed = [&tip, middle](const Vector3<>& at, double by) {
-    return press_points<false, DoublePack>(middle, tip, at, nullptr, {.fading = by});
+    return press_points<false, DoublePack>(middle, tip, at, nullptr, {.fading = by, .excess = by});
   };
   double jump = 0.0;
   for (int k = 0; k < 10; ++k) {
@@ -37,7 +37,8 @@ TEST(PressPoints, TheStiffnessThatCarriesFrictionDoesNotJump) {
       const PressedPoints now = pressed(at, fading), without = pressed(at, 0.0);
       ASSERT_LT(std::abs(now.grip.stiffness - last.grip.stiffness), 3.0 * step / fading * all);
       ASSERT_LE(now.grip.stiffness, now.stiffness);
-      ASSERT_NEAR(press_points<false>(middle, tip, at, nullptr, {.fading = fading}).grip.stiffness, now.grip.stiffness, 1e-3 * all);
+      ASSERT_NEAR(press_points<false>(middle, tip, at, nullptr, {.fading = fading, .excess = fading}).grip.stiffness, now.grip.stiffness,
+                  1e-3 * all);
       ASSERT_EQ(now.force, without.force);
       ASSERT_EQ(now.energy, without.energy);
       ASSERT_EQ(now.stiffness, without.stiffness);

@@ -26,7 +26,8 @@ namespace palpate::deformable {
 /// carry none yet, and those that leave take theirs with them.
 class LayerFriction {
  public:
-  LayerFriction(DryFriction friction, const ContactPatches& patches) : friction_(friction), shear_ratio_(patches.shear_ratio) {
+  LayerFriction(DryFriction friction, const ContactPatches& patches)
+      : friction_(friction), shear_ratio_(patches.shear_ratio), period_ratio_(patches.creep.period_ratio) {
     if (friction_) points_ = PointTractions(patches, NearNodes::capacity);
   }
 
@@ -41,10 +42,11 @@ class LayerFriction {
   }
   /// Friction of the points of a place. Points less deep than a hundredth of their patch carry less: if the stiffness that carries friction
   /// jumped as a point comes into contact, so would the traction. The force on a sliding tip would be rough, and Newton's method could not
-  /// solve for it.
+  /// solve for it. On a body that creeps the whole depth counts, unless the point is about to lose its force.
   [[nodiscard]] RubbedPoints points(const NearNodes::Place& p, const PatchPoints& patch) noexcept {
     if (!friction_) return {};
-    return {0.01 * patch.reach(p.node), p.rubs ? points_.first(p.slot) : nullptr, points_.stride()};
+    const double fading = 0.01 * patch.reach(p.node);
+    return {fading, period_ratio_ * fading, p.rubs ? points_.first(p.slot) : nullptr, points_.stride()};
   }
 
   /// Reduce the traction of a place to what its normal force allows.
@@ -201,7 +203,7 @@ class LayerFriction {
   }
 
   DryFriction friction_;
-  double shear_ratio_;
+  double shear_ratio_, period_ratio_;
   PointTractions points_;
   std::array<bool, max_tips> sliding_{};
   PlaceForces displacement_;

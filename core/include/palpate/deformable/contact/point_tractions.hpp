@@ -127,6 +127,7 @@ class PointTractions {
 /// Friction of a node's points, for press_points(): a view of PointTractions.
 struct RubbedPoints {
   double fading = 0.0;         ///< depth below which a point carries less friction, m; 0: without friction
+  double excess = 0.0;         ///< the same for the compression of the layer in excess of the delayed one, m
   float* tractions = nullptr;  ///< PointTractions::first(); null: none of the points carries a traction yet
   std::size_t stride = 0;
 

@@ -118,7 +118,8 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
     const Scalar counted = select(excess > Scalar(0.0), pressed * (in.slope * in.slope), Scalar(0.0));
     stiffness += counted;
     if (friction.fading > 0.0) {
-      const Scalar gripping = counted * min_of(depth * Scalar(1.0 / friction.fading), Scalar(1.0));
+      const Scalar least = min_of(depth * Scalar(1.0 / friction.excess), in.depth * Scalar(1.0 / friction.fading));
+      const Scalar gripping = counted * min_of(least, Scalar(1.0));
       grip += gripping;
       if (friction.tractions != nullptr) {
         const std::size_t at_point = q - points.begin(node);

@@ -114,6 +114,31 @@ TEST(LayerFriction, ADepthThatVariesKeepsTheStoredEnergyAndTheTraction) {
   }
 }
 
+// Law: a press supplies what the body stores, however fast; the mesh alone gives it a small lateral force. On many nodes, tractions that
+// are not solved for in each tick oscillate.
+TEST(LayerFriction, AStraightPressDoesNotOscillate) {
+  const SurfaceBody space = contact_bodies::half_space(16, 16e-3, 20e3);
+  const double depth = 1e-3;
+  for (const double mu : {0.5, 2.0})
+    for (const int ticks : {25, 50, 100, 150}) {
+      SignedDistanceContact contact(space.nodes, space.compliance, space.patches, DryFriction{mu, mu});
+      Vector3<> force = Vector3<>::Zero(), place(0.5e-3, 0.3e-3, 1e-5);
+      double work = 0.0, ahead = 0.0, lateral = 0.0;
+      for (int k = 0; k <= ticks; ++k) {
+        const Vector3<> next(0.5e-3, 0.3e-3, -depth * k / ticks);
+        const ContactResult& a = contact.step(TipGeometry::cylinder(6e-3, 1e-3, Vector3<>::UnitZ()), next);
+        work -= 0.5 * (a.force + force).dot(next - place);
+        ahead = std::max(ahead, a.energy - work);
+        lateral = std::max(lateral, static_cast<double>(a.force.head<2>().norm()));
+        force = a.force;
+        place = next;
+      }
+      EXPECT_GE(contact.last().nodes, 40);
+      EXPECT_LT(ahead, 3e-4 * work) << mu << " " << ticks;
+      EXPECT_LT(lateral, 2e-3 * force.z()) << mu << " " << ticks;
+    }
+}
+
 // The tractions of the points go over with the places, in whatever order these are.
 TEST(LayerFriction, AContactThatContinuesAnotherHasItsForce) {
   const double radius = 8e-3, depth = 1e-3;

@@ -18,9 +18,8 @@ namespace palpate::deformable {
 /// stiffness is k = h 2 (1 - nu) / (2 - nu) (Mindlin 1949), with the stiffness h of the node's points in contact, which fades to zero with
 /// their depth. The traction T of a node is perpendicular to its force F:
 ///   |T| <= mu |F|,   T = (traction that the layer still carries) - k (slip of the node relative to the tip) inside the cone.
-/// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node. In a tick with few sweeps two
-/// blocks change at a time, so that the processor works on both; the sweeps converge as well, because the system of two nodes is positive
-/// definite, but more slowly. The next tick makes up the residual that is left.
+/// Normal forces held, the tractions are found by sweeps of projected Gauss-Seidel over blocks of one node. The next tick makes up the
+/// residual that is left.
 ///
 /// TractionTurn turns the traction with its plane. PointTractions has the tractions of the single points: those that come into contact
 /// carry none yet, and those that leave take theirs with them.
@@ -55,23 +54,14 @@ class LayerFriction {
     if (square > most) p.traction *= std::sqrt(most / square);
   }
 
-  static constexpr int max_sweeps = 6;
-
-  /// Update the tractions under the present normal forces by up to `most` sweeps, and the displacements of the places. Return the change of
-  /// the tractions' sum, N.
-  double sweep(NearNodes& near, int most = max_sweeps) noexcept {
+  /// Update the tractions under the present normal forces, and the displacements of the places. Return the change of the tractions' sum, N.
+  double sweep(NearNodes& near) noexcept {
     const int count = near.engaged();
     const double force = prepare(near);
-    const int half = most < max_sweeps ? count / 2 : 0;
     Vector3<> total = Vector3<>::Zero();
-    for (int s = 0; s < most; ++s) {
+    for (int s = 0; s < max_sweeps; ++s) {
       Vector3<> sum = Vector3<>::Zero();
-      for (int k = 0; k < half; ++k) {
-        const Vector3<> one = next_step(near, k), other = next_step(near, k + half);
-        sum += take_step(near, k, one);
-        sum += take_step(near, k + half, other);
-      }
-      for (int k = 2 * half; k < count; ++k) sum += take_step(near, k, next_step(near, k));
+      for (int k = 0; k < count; ++k) sum += take_step(near, k, next_step(near, k));
       total += sum;
       if (sum.norm() <= tolerance * force) break;
     }
@@ -126,6 +116,7 @@ class LayerFriction {
   static constexpr std::size_t max_tips = 8;
 
  private:
+  static constexpr int max_sweeps = 6;            // one alone lets predicted tractions oscillate from tick to tick
   static constexpr double tolerance = 3e-4;       // of the change of the traction's sum, relative to the normal forces
   static constexpr double cone_tolerance = 1e-6;  // relative; keeps the slip state independent of the last bits
 

@@ -406,9 +406,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (newton_.assemble(near_) || !factored) factored = newton_.factor(near_);
       if (!factored) break;
       double error = newton_.step(near_);
-      if (friction_)
-        error = std::max(error, 0.3 * friction_.sweep(near_, brief ? iterations_ : LayerFriction::max_sweeps) /
-                                    (ContactNewton::tolerance * newton_.force().norm() + 1e-30));
+      if (friction_) error = std::max(error, 0.3 * friction_.sweep(near_) / (ContactNewton::tolerance * newton_.force().norm() + 1e-30));
       factored = iterations_ < 3 || error < 0.3 * last_error;
       last_error = error;
       if (error <= (!brief ? 1.0 : iterations_ == 1 ? rubbing : slipping)) break;

@@ -15,6 +15,7 @@ from palpate.metrics import measure_performance, summarize
 from palpate.report.zwidth import zwidth_page
 from palpate.scenario import Scenario
 from palpate.simulation.observed_run import observe
+from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import OSCILLATES, State
 from palpate.stability import certify, contact_stability, zwidth
 from palpate.stability.body.certificate import _assumptions
@@ -217,13 +218,10 @@ def test_a_wrong_object_is_refused() -> None:
         contact_stability(simulate(Scenario.from_dict(wall)))
 
 
-@pytest.mark.parametrize("time", ["20 ms", "0.1 s", "0.5 s", "2 s", "5 s"])
-def test_the_static_stiffness_of_a_relaxing_body_does_not_depend_on_its_time(time: str, tmp_path: Path) -> None:
-    """By signed distance each displacement leaves a constant, whose sum over a slow response was half its stiffness."""
-    path = tmp_path / "block.h5"
+def held_on_a_block(path: Path, **kind: Any) -> Trace:
+    """Return the run of a tip that an arm holds on a block of 40 x 40 x 20 mm, by signed distance."""
     fem.build(fem.block((0.04, 0.04, 0.02), 0.004), young=10e3, fixed="z < 0.1 mm", touch="z > 19.9 mm", output=path)
-    relaxing = {"kind": "viscoelastic", "contact": "signed_distance", "instantaneous_ratio": 2.5}
-    trace = simulate({
+    return simulate({
         "device": {"name": "phantom-premium-1.5a"},
         "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
         "servo": {"period": "1 ms", "topology": "impedance_display"},
@@ -234,15 +232,45 @@ def test_the_static_stiffness_of_a_relaxing_body_does_not_depend_on_its_time(tim
         "object": {
             "kind": "body", "position": ["0 mm", "0 mm", "-8 mm"],
             "body": {
-                "file": str(path), "origin": ["20 mm"] * 3, "radius": "8 mm", **relaxing, "retardation_time": time,
+                "file": str(path), "origin": ["20 mm"] * 3, "radius": "8 mm", **kind,
             },
         },
         "run": {"duration": "4 s"},
     })  # fmt: skip
+
+
+def relaxing(time: str, **options: Any) -> dict[str, Any]:
+    return {
+        "kind": "viscoelastic",
+        "contact": "signed_distance",
+        "instantaneous_ratio": 2.5,
+        "retardation_time": time,
+        **options,
+    }
+
+
+@pytest.mark.parametrize("time", ["20 ms", "0.1 s", "0.5 s", "2 s", "5 s"])
+def test_the_static_stiffness_of_a_relaxing_body_does_not_depend_on_its_time(time: str, tmp_path: Path) -> None:
+    """By signed distance each displacement leaves a constant, whose sum over a slow response was half its stiffness."""
+    path = tmp_path / "block.h5"
+    trace = held_on_a_block(path, **relaxing(time))
     depth = trace["tip"][0, 2] - trace["tip"][-1, 2]
     body = fem.load(path).signed_distance()
     soft, stiff = (body.indent([0.02] * 3, 8e-3, depth + step).force[2] for step in (-5e-5, 5e-5))
     assert contact_stability(trace).static_stiffness == pytest.approx((stiff - soft) / 1e-4, rel=0.05)
+
+
+@pytest.mark.parametrize(("time", "friction"), [("20 ms", 0.5), ("0.1 s", 0.5), ("0.5 s", 2.0), ("5 s", 0.5)])
+def test_a_relaxing_body_with_friction_has_the_static_stiffness_of_the_elastic_one(
+    time: str, friction: float, tmp_path: Path
+) -> None:
+    """The layer creeps in shear as well: a tip that sticks meets the stiffness of the long term."""
+    path = tmp_path / "block.h5"
+    elastic = contact_stability(held_on_a_block(path, kind="signed_distance", static_friction=friction))
+    found = contact_stability(held_on_a_block(path, **relaxing(time, static_friction=friction)))
+    assert found.static_stiffness == pytest.approx(elastic.static_stiffness, rel=0.05)
+    assert found.one_tick_stiffness > 2.0 * found.static_stiffness
+    assert found.doubt < 0.5
 
 
 def test_a_body_that_relaxes_slowly_oscillates_like_one_of_its_instantaneous_stiffness(tmp_path: Path) -> None:

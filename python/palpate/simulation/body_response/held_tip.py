@@ -40,8 +40,8 @@ class HeldTip:
         frame: axes of the contact in columns (3, 3): the normal, out of the body and against the force, and two
             across.
         friction: whether the body has dry friction.
-        relaxation: time constant, in ticks, of the force under a tip held still on a body that relaxes without inertia
-            or friction; 0 for other bodies.
+        relaxation: time constant, in ticks, of the force under a tip held still on a body that relaxes without inertia;
+            0 for other bodies, and with friction on nodes that do not creep along the surface.
         holds_across: whether the contact may resist motions across its normal: by friction, or by several contact
             points.
         ticks: number of ticks since the body was at rest and free.
@@ -191,7 +191,8 @@ def check_solved(rows: Array, under: str, share: float = 0.0) -> None:
 
 def relaxation_of(choice: BodyChoice, period: float) -> float:
     """Return `HeldTip.relaxation` of a body that is stepped once per period, s."""
-    if choice.kind != "viscoelastic" or choice.options.get("static_friction", 0.0) > 0.0:
+    creeps_aside = choice.by_distance or choice.options.get("static_friction", 0.0) == 0.0
+    if choice.kind != "viscoelastic" or not creeps_aside:
         return 0.0
     return float(choice.options["retardation_time"]) / float(choice.options["instantaneous_ratio"]) / period
 

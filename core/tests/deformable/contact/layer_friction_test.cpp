@@ -8,10 +8,11 @@
 #include <palpate/deformable/linear/creep_motion.hpp>
 
 #include "support/contact_bodies.hpp"
+#include "support/tip_work.hpp"
 
 namespace {
 
-using contact_bodies::SurfaceBody;
+using contact_bodies::SurfaceBody, contact_bodies::TipWork;
 using palpate::deformable::ContactResult, palpate::deformable::DryFriction, palpate::deformable::SignedDistanceContact,
     palpate::deformable::TipGeometry, palpate::math::Vector3;
 
@@ -122,20 +123,16 @@ TEST(LayerFriction, AStraightPressDoesNotOscillate) {
   for (const double mu : {0.5, 2.0})
     for (const int ticks : {25, 50, 100, 150}) {
       SignedDistanceContact contact(space.nodes, space.compliance, space.patches, DryFriction{mu, mu});
-      Vector3<> force = Vector3<>::Zero(), place(0.5e-3, 0.3e-3, 1e-5);
-      double work = 0.0, ahead = 0.0, lateral = 0.0;
+      TipWork path{{0.5e-3, 0.3e-3, 1e-5}};
+      double lateral = 0.0;
       for (int k = 0; k <= ticks; ++k) {
         const Vector3<> next(0.5e-3, 0.3e-3, -depth * k / ticks);
-        const ContactResult& a = contact.step(TipGeometry::cylinder(6e-3, 1e-3, Vector3<>::UnitZ()), next);
-        work -= 0.5 * (a.force + force).dot(next - place);
-        ahead = std::max(ahead, a.energy - work);
+        const ContactResult& a = path.step(contact, TipGeometry::cylinder(6e-3, 1e-3, Vector3<>::UnitZ()), next);
         lateral = std::max(lateral, static_cast<double>(a.force.head<2>().norm()));
-        force = a.force;
-        place = next;
       }
       EXPECT_GE(contact.last().nodes, 40);
-      EXPECT_LT(ahead, 3e-4 * work) << mu << " " << ticks;
-      EXPECT_LT(lateral, 2e-3 * force.z()) << mu << " " << ticks;
+      EXPECT_LT(path.ahead, 3e-4 * path.work) << mu << " " << ticks;
+      EXPECT_LT(lateral, 2e-3 * path.force.z()) << mu << " " << ticks;
     }
 }
 
@@ -200,21 +197,14 @@ TEST(LayerFriction, SmallStepsDoTheWorkOfLargeOnes) {
   const SurfaceBody body = contact_bodies::soft(shapes::ball(3, 10e-3), 1e4, 6e-3, 4e-3);
   const auto work_of = [&body](double mu, int ticks, double ahead) {
     SignedDistanceContact contact(body.nodes, body.compliance, body.patches, DryFriction{mu, mu});
-    Vector3<> force = Vector3<>::Zero(), place(0.0, 0.0, 15.2e-3);
-    double work = 0.0;
+    TipWork path{{0.0, 0.0, 15.2e-3}};
     for (const Vector3<>& to : {Vector3<>(0.0, 0.0, 14e-3), Vector3<>(0.5e-3, 0.0, 14e-3), Vector3<>(0.3e-3, 0.4e-3, 13.8e-3),
                                 Vector3<>(-0.4e-3, 0.0, 14e-3), Vector3<>(0.0, 0.0, 14e-3), Vector3<>(0.0, 0.0, 15.2e-3)}) {
-      const Vector3<> from = place;
-      for (int k = 1; k <= ticks; ++k) {
-        const Vector3<> next = from + (to - from) * k / ticks;
-        const ContactResult& a = contact.step(TipGeometry::sphere(5e-3), next);
-        work -= 0.5 * (a.force + force).dot(next - place);
-        EXPECT_LT(a.energy - work, ahead);
-        force = a.force;
-        place = next;
-      }
+      const Vector3<> from = path.place;
+      for (int k = 1; k <= ticks; ++k) path.step(contact, TipGeometry::sphere(5e-3), from + (to - from) * k / ticks);
     }
-    return work;
+    EXPECT_LT(path.ahead, ahead);
+    return path.work;
   };
   const double small = work_of(0.3, 5000, 1e-9);
   EXPECT_NEAR(small / work_of(0.3, 1000, 1e-8), 1.0, 2e-4);
@@ -291,24 +281,15 @@ TEST(LayerFriction, LiftingATipThatSticksAddsNoEnergy) {
   const SurfaceBody space = contact_bodies::half_space(8, 6e-3, 20e3);
   SignedDistanceContact contact(space.nodes, space.compliance, space.patches, DryFriction{50.0, 50.0});
   const double radius = 10e-3, depth = 1e-3, way = 0.1e-3;
-  Vector3<> place(0.0, 0.0, radius), force = Vector3<>::Zero();
-  double work = 0.0, largest = 0.0, behind = 0.0;
+  TipWork path{{0.0, 0.0, radius}};
   const auto move = [&](const Vector3<>& to) {
-    for (int k = 1; k <= 200; ++k) {
-      const Vector3<> next = place + (to - place) / (201 - k);
-      const ContactResult& a = contact.step(TipGeometry::sphere(radius), next);
-      work -= 0.5 * (a.force + force).dot(next - place);
-      largest = std::max(largest, a.energy);
-      behind = std::max(behind, a.energy - work);
-      force = a.force;
-      place = next;
-    }
+    for (int k = 1; k <= 200; ++k) path.step(contact, TipGeometry::sphere(radius), path.place + (to - path.place) / (201 - k));
   };
   move({0.0, 0.0, radius - depth});
   move({way, 0.0, radius - depth});
-  EXPECT_GT(-force.x(), 0.05 * force.z());
+  EXPECT_GT(-path.force.x(), 0.05 * path.force.z());
   move({way, 0.0, radius});
-  EXPECT_LT(behind, 3e-3 * largest);  // residual of the sweeps
+  EXPECT_LT(path.ahead, 3e-3 * path.largest);  // residual of the sweeps
 }
 
 }  // namespace

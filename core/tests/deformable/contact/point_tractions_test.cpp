@@ -8,10 +8,11 @@
 #include "palpate/deformable/contact/signed_distance_contact.hpp"
 #include "palpate/deformable/linear/creep_motion.hpp"
 #include "support/contact_bodies.hpp"
+#include "support/tip_work.hpp"
 
-using contact_bodies::SurfaceBody;
-using palpate::deformable::ContactResult, palpate::deformable::Creep, palpate::deformable::DryFriction, palpate::deformable::Grip,
-    palpate::deformable::PointTractions, palpate::deformable::SignedDistanceContact, palpate::deformable::TipGeometry;
+using contact_bodies::SurfaceBody, contact_bodies::TipWork;
+using palpate::deformable::Creep, palpate::deformable::DryFriction, palpate::deformable::Grip, palpate::deformable::PointTractions,
+    palpate::deformable::SignedDistanceContact, palpate::deformable::TipGeometry;
 using palpate::math::Vector3;
 
 namespace creeping_friction {
@@ -87,21 +88,14 @@ TEST(CreepingFriction, TheBodyNeverStoresMoreThanTheTipHasWorked) {
     for (const double retardation : {0.01, 0.1}) {
       const RelaxingHalfSpace space(4.0, retardation);
       SignedDistanceContact contact = space.contact({mu, 0.8 * mu});
-      Vector3<> force = Vector3<>::Zero(), place(0.0, 0.0, radius + 1e-4);
-      double work = 0.0, ahead = 0.0, largest = 0.0;
+      TipWork path{{0.0, 0.0, radius + 1e-4}};
       for (int k = 0; k <= 4000; ++k) {
         const double s = 2.0 * M_PI * k / 4000.0;
         const double deep = 0.8e-3 * std::sin(0.5 * s) + 0.3e-3 * std::sin(40.0 * s);
-        const Vector3<> next(0.2e-3 * std::sin(30.0 * s), 0.1e-3 * std::sin(20.0 * s), radius - deep);
-        const ContactResult& a = contact.step(TipGeometry::sphere(radius), next);
-        work -= 0.5 * (a.force + force).dot(next - place);
-        ahead = std::max(ahead, a.energy - work);
-        largest = std::max(largest, a.energy);
-        force = a.force;
-        place = next;
+        path.step(contact, TipGeometry::sphere(radius), {0.2e-3 * std::sin(30.0 * s), 0.1e-3 * std::sin(20.0 * s), radius - deep});
       }
-      EXPECT_GT(largest, 1e-5);
-      EXPECT_LT(ahead, 1e-3 * largest) << mu << " " << retardation;
+      EXPECT_GT(path.largest, 1e-5);
+      EXPECT_LT(path.ahead, 1e-3 * path.largest) << mu << " " << retardation;
     }
 }
 

@@ -218,9 +218,10 @@ def test_a_wrong_object_is_refused() -> None:
         contact_stability(simulate(Scenario.from_dict(wall)))
 
 
-def held_on_a_block(path: Path, **kind: Any) -> Trace:
+def held_on_a_block(path: Path, modes: int = 0, **kind: Any) -> Trace:
     """Return the run of a tip that an arm holds on a block of 40 x 40 x 20 mm, by signed distance."""
-    fem.build(fem.block((0.04, 0.04, 0.02), 0.004), young=10e3, fixed="z < 0.1 mm", touch="z > 19.9 mm", output=path)
+    block = fem.block((0.04, 0.04, 0.02), 0.004)
+    fem.build(block, young=10e3, fixed="z < 0.1 mm", touch="z > 19.9 mm", modes=modes, output=path)
     return simulate({
         "device": {"name": "phantom-premium-1.5a"},
         "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
@@ -271,6 +272,24 @@ def test_a_relaxing_body_with_friction_has_the_static_stiffness_of_the_elastic_o
     assert found.static_stiffness == pytest.approx(elastic.static_stiffness, rel=0.05)
     assert found.one_tick_stiffness > 2.0 * found.static_stiffness
     assert found.doubt < 0.5
+
+
+@pytest.mark.parametrize("time", ["30 ms", "0.1 s"])
+def test_a_body_with_modes_relaxation_and_friction_has_its_long_term_static_stiffness_or_none(
+    time: str, tmp_path: Path
+) -> None:
+    """A drift of the contact's iterations is no response: the sum over its ticks was a thirtieth of the stiffness."""
+    options = {"kind": "modal", "contact": "signed_distance", "static_friction": 5.0, "rayleigh_beta": "2 ms"}
+    elastic = contact_stability(held_on_a_block(tmp_path / "block.h5", 60, **options))
+    relaxes = {"instantaneous_ratio": 3.0, "retardation_time": time}
+    trace = held_on_a_block(tmp_path / "block.h5", 60, **options, **relaxes)
+    refused, found = "", elastic
+    try:
+        found = contact_stability(trace)
+    except StabilityError as trouble:
+        refused = str(trouble)
+    assert not refused or "its stiffness differs by" in refused
+    assert found.static_stiffness == pytest.approx(elastic.static_stiffness, rel=0.1)
 
 
 def test_a_body_that_relaxes_slowly_oscillates_like_one_of_its_instantaneous_stiffness(tmp_path: Path) -> None:

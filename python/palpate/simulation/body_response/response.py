@@ -90,7 +90,7 @@ def body_response(held: HeldTip) -> BodyResponse:
         return _relaxing_response(held)
     step = _choose_step(held)
     response = _response(held, step)
-    if held.memoryless or held.friction or not held.rounds:
+    if held.memoryless or not held.rounds:
         return response
     left = np.abs(_lasting(held, step) - response.static)
     for larger in (2e-3, 1e-2):  # leaves smaller constants

@@ -22,8 +22,8 @@ namespace palpate::deformable {
 /// traction, as in a contact of Mindlin and Deresiewicz (1953). Stiffnesses are those under pressure; LayerFriction applies the ratio.
 /// Points that slip share the traction of their node in proportion to k.
 ///
-/// On a body that creeps so does the shear of the points, by the law of LayerCreep: with the delayed slip e they have the delayed force
-/// r = k e, whose energy is tracked like that of t.
+/// On a body that creeps, the points creep in shear as well, by the law of LayerCreep. A point with the delayed slip e has the delayed
+/// force r = k e. Its energy is tracked like that of t.
 class PointTractions {
  public:
   /// Columns of a place: traction [N] (0 to 2), 1 / K [m/N] (3), t.t / K [J] (4), k when last evaluated [N/m] (5). On a body that creeps
@@ -55,7 +55,7 @@ class PointTractions {
   }
 
   /// Give the `points` of a slot the traction `total` [N]. They share its change in proportion to k or, if they slip, the whole of it.
-  /// Return what they carry at the end of the period, with the energy of the delayed force.
+  /// Return the traction and its energy at the end of the period, with that of the delayed force.
   Grip share(int slot, std::size_t points, const Grip& grip, const Vector3<>& total, bool slips) noexcept {
     using detail::FloatPack, math::max_of, math::min_of;
     const Vector3<> strain = (slips ? total : Vector3<>(total - grip.carried)) / grip.stiffness;

@@ -135,6 +135,12 @@ class HyperelasticModel {
     begin(displacement, weight);
   }
 
+  /// Take the forces and the tangent of equilibria, i.e. of the long term and without mass, at the present displacement.
+  void begin_equilibrium() {
+    begin_step(fully_relaxed);
+    if (!relaxation_.enabled()) evaluate_state();
+  }
+
   /// Begin stage 0 or 1 of a step of length h [s] of the Runge-Kutta method with `gamma` (BodyDynamics); the second one at the end of the
   /// first one. `displacement` and `weight` as in begin_step().
   void begin_stage(int stage, double gamma, double h, const double* displacement, double weight) {

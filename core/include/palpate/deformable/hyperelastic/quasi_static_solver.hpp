@@ -12,6 +12,7 @@
 #include "palpate/deformable/hyperelastic/body_dynamics.hpp"
 #include "palpate/deformable/hyperelastic/compliance_column_cache.hpp"
 #include "palpate/deformable/hyperelastic/compliance_extrapolation.hpp"
+#include "palpate/deformable/hyperelastic/contact_compliance.hpp"
 #include "palpate/deformable/hyperelastic/hyperelastic_model.hpp"
 #include "palpate/deformable/hyperelastic/solver_options.hpp"
 #include "palpate/deformable/hyperelastic/surface_contact.hpp"
@@ -60,7 +61,7 @@ class QuasiStaticSolver {
         tetrahedra_(mesh.tetrahedra),
         guess_(model_.unknowns()),
         residual_force_(model_.unknowns()),
-        columns_(model_.unknowns(), at(std::min(TipPair::max_tips * options.nodes_per_tip, LocalModel::max_inner)) + contact_columns()) {
+        columns_(model_.unknowns(), at(std::min(TipPair::max_tips * options.nodes_per_tip, LocalModel::max_inner))) {
     node_of_.resize(mesh.points.size());
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(mesh.points.size()); ++i)
       node_of_[static_cast<std::size_t>(model_.point_of(i))] = i;
@@ -72,6 +73,7 @@ class QuasiStaticSolver {
     tips_contact_ = SurfaceContact(points_, layered_, node_of_, model_.free_nodes());
     next_.compliance_matrix.assign(static_cast<std::size_t>(LocalModel::capacity) * LocalModel::capacity, 0.0);
     current_ = next_;
+    if (options.contact_compliance) contact_compliance_ = ContactCompliance(model_.unknowns());
     if (options.inertia.density > 0.0) {
       std::vector<double> mass;
       for (std::size_t i = 0; i < at(model_.free_nodes()); ++i) mass.push_back(options.inertia.density * model_.nodal_volume(i));
@@ -156,6 +158,7 @@ class QuasiStaticSolver {
       columns_.refine(model_.tangent(), model_.preconditioner(), unit_forces_, column_index_, options_.compliance);
       linearize();
     }
+    find_contact_compliance();
     std::swap(current_, next_);
     to = current_;
     return report;
@@ -165,6 +168,7 @@ class QuasiStaticSolver {
     model_.reset();
     exact_tangent_ = true;
     columns_.select({});
+    contact_compliance_.reset();
     tips_contact_.reset();
     last_tips_ = TipPair{};
     const long version = current_.version;  // each model has its own
@@ -189,9 +193,6 @@ class QuasiStaticSolver {
   static constexpr double prediction_steps = 3.0;  // steps of tip motion ahead that the outer nodes cover
 
   [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }
-
-  /// Number of columns of LocalModel::contact_compliance, one for each axis.
-  [[nodiscard]] std::size_t contact_columns() const noexcept { return options_.contact_compliance && !options_.has_memory() ? 3 : 0; }
 
   void set_exact_tangent(bool exact) {
     exact_tangent_ = exact;
@@ -381,10 +382,7 @@ class QuasiStaticSolver {
     }
     std::sort(column_nodes_.begin(), column_nodes_.end());
     column_nodes_.erase(std::unique(column_nodes_.begin(), column_nodes_.end()), column_nodes_.end());
-    std::vector<std::int32_t> columns = column_nodes_;
-    has_contact_columns_ = contact_columns() > 0 && tips_contact_.force_norm() > 0.0;
-    for (std::int32_t a = 0; has_contact_columns_ && a < 3; ++a) columns.push_back(n + a);
-    columns_.select(columns);
+    columns_.select(column_nodes_);
     select_outer_nodes(tips);
     last_tips_ = tips;
   }
@@ -406,7 +404,7 @@ class QuasiStaticSolver {
       }
       by_distance_.emplace_back(distance, i);
     }
-    const auto room = std::min(at(LocalModel::capacity) - contact_columns() - column_nodes_.size(), by_distance_.size());
+    const auto room = std::min(at(LocalModel::capacity) - column_nodes_.size(), by_distance_.size());
     std::partial_sort(by_distance_.begin(), by_distance_.begin() + static_cast<std::ptrdiff_t>(room), by_distance_.end());
     model_nodes_ = column_nodes_;
     for (std::size_t k = 0; k < room; ++k) model_nodes_.push_back(by_distance_[k].second);
@@ -440,39 +438,7 @@ class QuasiStaticSolver {
       unit_forces_.begin.push_back(unit_forces_.entries.size());
     }
     next_.nodes = SurfaceNodes(std::move(positions), std::move(normals), areas);
-    if (has_contact_columns_) add_contact_loads();
     place_triangles(tips);
-  }
-
-  /// Add unit forces along each axis, spread over the nodes like the forces of the tips.
-  void add_contact_loads() {
-    const std::size_t count = model_nodes_.size();
-    double total = 0.0;
-    for (std::size_t i = 0; i < count; ++i) total += next_.force[i];
-    for (std::size_t a = 0; a < 3; ++a) {
-      for (std::size_t i = 0; i < count; ++i)
-        if (next_.force[i] > 0.0)
-          unit_forces_.entries.push_back(
-              {3 * at(node_of_[at(surface_.point[at(model_nodes_[i])])]) + a, static_cast<float>(next_.force[i] / total)});
-      unit_forces_.begin.push_back(unit_forces_.entries.size());
-      column_index_.push_back(count + a);
-    }
-  }
-
-  /// Move the compliance under the contact loads from the last rows of the next model's matrix to its place.
-  void take_contact_compliance() {
-    const std::size_t count = model_nodes_.size();
-    next_.contact_compliance.setZero();
-    if (!has_contact_columns_) return;
-    for (std::size_t a = 0; a < 3; ++a) {
-      const std::size_t row = count + a;
-      for (std::size_t b = 0; b < 3; ++b)
-        next_.contact_compliance(static_cast<int>(a), static_cast<int>(b)) =
-            next_.compliance_matrix[row * LocalModel::capacity + count + b];
-      for (std::size_t i = 0; i < count + 3; ++i)
-        next_.compliance_matrix[row * LocalModel::capacity + i] = next_.compliance_matrix[i * LocalModel::capacity + row] = 0.0;
-      next_.residual_displacement[row] = 0.0;
-    }
   }
 
   /// Place the triangles around the nodes of the next model, by their distance from the tips.
@@ -526,7 +492,6 @@ class QuasiStaticSolver {
     for (std::size_t k = 0; k < model_.unknowns(); ++k) residual_force_[k] = static_cast<float>(force[k] - model_.gradient()[k]);
     columns_.project(unit_forces_, column_index_, residual_force_, next_.compliance_matrix.data(), LocalModel::capacity,
                      next_.residual_displacement.data());
-    take_contact_compliance();
     extrapolation_.complete(next_);
     for (std::size_t i = 0; i < count; ++i) {
       double sum = 0.0;
@@ -536,6 +501,20 @@ class QuasiStaticSolver {
     next_.round();
     next_.inverted = false;
     next_.version = current_.version + 1;
+  }
+
+  /// Find the compliance of the contact as a whole in the long term, of the body without mass. The tangent is that of the long term then.
+  void find_contact_compliance() {
+    next_.contact_compliance.setZero();
+    if (!options_.contact_compliance) return;
+    loads_.clear();
+    for (std::size_t i = 0; i < model_nodes_.size(); ++i)
+      if (next_.force[i] > 0.0) loads_.emplace_back(at(node_of_[at(surface_.point[at(model_nodes_[i])])]), next_.force[i]);
+    if (loads_.empty()) return;
+    contact_compliance_.set_loads(loads_);
+    if (options_.has_memory()) model_.begin_equilibrium();
+    if (!contact_compliance_.refine(model_.tangent(), model_.preconditioner(), options_.compliance)) return;
+    next_.contact_compliance = contact_compliance_.matrix();
   }
 
   HyperelasticModel<Material, lanes> model_;
@@ -566,10 +545,11 @@ class QuasiStaticSolver {
   std::vector<std::pair<double, std::int32_t>> by_distance_;
   std::vector<std::int32_t> column_nodes_, model_nodes_;  // ascending ids: nodes with columns, and all nodes of the next model
   std::vector<std::size_t> column_index_;                 // load vector of each column: indices of column_nodes_ in model_nodes_
-  bool has_contact_columns_ = false;                      // whether there are also those of the contact, the last three
   TipPair last_tips_;                                     // of the last step
   UnitForces unit_forces_;                                // along the inward normals of model_nodes_
   ComplianceColumnCache columns_;
+  ContactCompliance contact_compliance_;
+  std::vector<std::pair<std::size_t, double>> loads_;  // workspace of it
   ComplianceExtrapolation extrapolation_;
 };
 

@@ -48,8 +48,7 @@ struct SolverOptions {
   Relaxation relaxation{};
   double tick_period = 1e-3;  ///< of the servo, s; of bodies with inertia or relaxation
   int update_interval = 20;   ///< ticks that a model update is expected to take; same
-  /// Whether the local models have LocalModel::contact_compliance, for friction. Those of bodies with memory hold for a moment and have
-  /// none.
+  /// Whether the local models have LocalModel::contact_compliance, for friction.
   bool contact_compliance = false;
 
   /// Whether the body may hold energy that no tip holds.

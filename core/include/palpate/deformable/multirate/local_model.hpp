@@ -29,8 +29,8 @@ struct LocalModel {
   std::array<double, capacity> residual_displacement{};  ///< still to go to equilibrium under these forces, along the inward normals, m
   std::array<double, capacity> elastic_displacement{};   ///< compliance times force, m
   std::array<Vector3<>, capacity> displacement{};        ///< of the state, m
-  /// Displacement of the nodes in contact per force on them, in the mean, weighted by their forces at the state, m/N; zero without contact
-  /// or without SolverOptions::contact_compliance.
+  /// Displacement of the nodes in contact per force on them, in the mean, weighted by their forces at the state, m/N; in the long term and
+  /// without inertia. Zero without contact or without SolverOptions::contact_compliance.
   Matrix3<> contact_compliance = Matrix3<>::Zero();
   std::vector<double> compliance_matrix;            ///< capacity x capacity, along the inward normals, m/N
   std::vector<detail::FloatLine> single;            ///< same in single precision

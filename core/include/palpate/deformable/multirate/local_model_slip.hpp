@@ -20,7 +20,8 @@ namespace palpate::deformable {
 /// Between its nodes a local model has normal compliance C only. The tangential compliance is that of the body at rest in this plane, times
 /// a scale, plus a displacement common to all nodes. The contact as a whole then yields by LocalModel::contact_compliance, which counts
 /// stiffening and softening under load. The scale is the ratio of C to the normal compliance at rest, or the largest one that leaves a
-/// positive common displacement. A body with inertia or relaxation yields as at rest, in the long term: its model holds for a moment only.
+/// positive common displacement. For a body with inertia or relaxation, whose C holds for a moment only, the ratio is 1: it yields as in
+/// the long term.
 ///
 /// The elastic layer yields in shear in series with the body: its shear stiffness is h 2 (1 - nu) / (2 - nu) (Mindlin 1949), with the
 /// largest stiffness h of its points in contact since the node carries a force. Points that come into contact begin without force. When the

@@ -282,7 +282,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       return false;
     }
     release_untouched();
-    tick_energy_ = coupled_energy();
+    tick_energy_ = energy_of_forces();
     return true;
   }
 
@@ -341,7 +341,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       move_node(k);
       near_.place(k).grip = law(near_.place(k), near_.place(k).displacement).grip;
     }
-    tick_energy_ = coupled_energy();
+    tick_energy_ = energy_of_forces();
   }
 
   void set_state(int k, const Equilibrium::State& state) noexcept {
@@ -412,7 +412,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (error <= (!brief ? 1.0 : iterations_ == 1 ? rubbing : slipping)) break;
     }
     iterations_ = std::min(iterations_, max_iterations);
-    tick_energy_ = lowest < std::numeric_limits<double>::infinity() ? lowest : 0.0;
+    tick_energy_ = friction_ ? energy_of_forces() : lowest < std::numeric_limits<double>::infinity() ? lowest : 0.0;
     return last_error <= (brief ? slipping : acceptable);
   }
 
@@ -424,16 +424,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     CoupledNewton::Force f{.normal = pressed.force, .stiffness = pressed.stiffness, .energy = pressed.energy, .grip = pressed.grip};
     if (friction_) f.traction = friction_.traction_at(p, u - tip.center, f.normal, f.grip);
     return f;
-  }
-
-  /// Energy of the forces on the body and of the layers, J.
-  [[nodiscard]] double coupled_energy() const noexcept {
-    double energy = 0.0;
-    for (int k = 0; k < near_.engaged(); ++k) {
-      const Place& p = near_.place(k);
-      energy += p.layer_energy + 0.5 * p.force.dot(p.displacement - p.free);
-    }
-    return energy;
   }
 
   /// Energy that the forces have stored in the body and in the layers, in shear as well, J.
@@ -606,15 +596,15 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   }
 
   /// Release the body from tips that have been pushed through. Their centers are below the surface at rest, those of flat ends by a quarter
-  /// of the radius. Either the body pulls such a tip in, since it touches the tip's back alone, or the energy has dropped in this tick by
-  /// more than the tips' work less that of friction: by a tenth more, of a body with motion by a half, whose tick has an energy of its own.
-  /// Of several tips, those whose force has halved are then released.
+  /// of the radius. Either the body pulls such a tip in, since it touches the tip's back alone, or the tip's force has halved in this tick,
+  /// and the energy has dropped by more than the tips' work less that of friction: by a tenth more, of a body with motion by a half, whose
+  /// tick has an energy of its own.
   void check_pushed_through(bool jump) noexcept {
     const bool dropped = !jump && energy_dropped();
     bool released = false;
     for (int t = 0; t < near_.tip_count(); ++t) {
       NearNodes::Tip& tip = near_.tip(t);
-      const bool fell = dropped && (near_.tip_count() == 1 || tip.force.squaredNorm() <= 0.25 * results_[at(t)].force.squaredNorm());
+      const bool fell = dropped && tip.force.squaredNorm() <= 0.25 * results_[at(t)].force.squaredNorm();
       if (!fell && !is_pulled_in(t)) continue;
       const int nearest = near_.nearest(t, true);
       const double sunk = tip.shape.shape == TipGeometry::Shape::capsule ? 0.0 : 0.25 * tip.shape.radius;

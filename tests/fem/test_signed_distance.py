@@ -135,8 +135,10 @@ def test_a_tip_that_is_pushed_through_loses_contact_and_gains_no_energy(body: Bo
     depth = np.concatenate([np.linspace(-1e-3, 9e-3, 2000), np.linspace(9e-3, -1e-3, 2000)])
     path = np.stack([np.full(4000, 0.0203), np.full(4000, 0.0196), TOP + 4e-3 - depth], axis=1)
     body.core.reset()
-    felt = body.simulate_path(path, 4e-3)
+    with pytest.warns(BodyWarning, match="path: from step") as warned:
+        felt = body.simulate_path(path, 4e-3)
     first = int(np.argmax(felt.lost))
+    assert f"from step {first} on a tip is pushed through the body" in str(warned[-1].message)
     assert felt.lost.any()
     assert 4e-3 < depth[first] < 9e-3
     assert not felt.force[felt.lost].any()

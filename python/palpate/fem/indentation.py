@@ -331,7 +331,7 @@ class IndentableBody(CondensedBody):
         rows = self.core.simulate_path(np.ascontiguousarray(centers), axes, radius, tip == "flat")
         if self.kind.by_distance:
             _warn_of_unsolved(rows)
-            _warn_of_start(rows[:1, LOST])
+            _warn_of_lost(rows[:, None, LOST] > 0.0)
         if isinstance(self.core, _core.HyperelasticBody):
             check_found(rows[:, SOLVED])
         return ContactHistory.of(rows)
@@ -375,7 +375,7 @@ class IndentableBody(CondensedBody):
         core = self._signed_distance_core(count, tool=False)
         rows = core.simulate_tips(centers, np.ascontiguousarray(axes), sizes, along)
         _warn_of_unsolved(rows.reshape(-1, rows.shape[2]))
-        _warn_of_start(rows[:1, :, LOST])
+        _warn_of_lost(rows[:, :, LOST] > 0.0)
         return [ContactHistory.of(rows[:, tip]) for tip in range(count)]
 
     def pressure(self) -> Array:
@@ -507,15 +507,16 @@ def _warn_of_unsolved(rows: Array) -> None:
         )
 
 
-def _warn_of_start(lost: Array) -> None:
-    """Warn if a tip of a signed-distance body is lost at the begin of its path: `lost` (tips,) is above 0."""
-    if (lost > 0.0).any():
-        inside = "a tip starts inside the body or behind its contact surface"
-        warnings.warn(
-            f"path: {inside}, where it has no contact by signed distance until it has come out",
-            BodyWarning,
-            stacklevel=4,
-        )
+def _warn_of_lost(lost: Flags) -> None:
+    """Warn if a tip of a signed-distance body is in it without contact: `lost` (steps, tips)."""
+    if not lost.any():
+        return
+    text = "a tip starts inside the body or behind its contact surface, where it has"
+    if not lost[:1].any():
+        first = int(np.argmax(lost.any(axis=1)))
+        remedy = "use a smaller depth, a larger tip, or hyperelastic"
+        text = f"from step {first} on a tip is pushed through the body ({remedy}). It has"
+    warnings.warn(f"path: {text} no contact by signed distance until it has come out", BodyWarning, stacklevel=4)
 
 
 def check_found(solved: Array) -> None:

@@ -133,6 +133,37 @@ def test_two_devices_oscillate_on_a_body_on_which_each_rests_alone(block: Path) 
     assert decided
 
 
+def test_devices_whose_swing_goes_from_one_to_the_other_and_decays_do_not_fail(block: Path) -> None:
+    """The swing of one device grows while all together decay: it was unstable at 0.6 s, and oscillated at 0.8 s."""
+
+    def pair(duration: str) -> list[dict[str, Any]]:
+        found = []
+        for x, press, radius in ((14.8, 1.54, 8.7), (22.5, 2.2, 9.6)):
+            one = device(block, x, press, radius=f"{radius} mm", stiffness_scale=123.2)
+            place = {**one["object"], "position": ["0 mm", "0 mm", f"{-radius - 0.2} mm"]}
+            found.append({**one, "object": place, "run": {"duration": duration}})
+        return found
+
+    for duration in ("0.6 s", "0.8 s"):
+        short = simulate_together(pair(duration)).verdict
+        assert short.state is State.UNDECIDED
+        assert "the oscillation of all tips together decays" in short.reason
+    assert simulate_together(pair("3 s")).settled
+
+
+def test_a_joint_verdict_is_that_of_every_tick(block: Path) -> None:
+    pair = [device(block, 18.0, 0.6), device(block, 27.0, 1.2)]
+    whole = simulate_together(pair)
+    assert whole.settled
+    for every in (2, 7):
+        run = {"duration": "0.8 s", "record_every": every}
+        thinned = simulate_together([{**one, "run": run} for one in pair])
+        assert thinned.verdict == whole.verdict
+        for trace, own in zip(thinned.traces, whole.traces, strict=True):
+            np.testing.assert_array_equal(trace["tip"], own["tip"][::every])
+            assert trace.scenario["run"]["record_every"] == every
+
+
 def test_a_joint_verdict_that_the_run_contradicts_is_undecided(block: Path) -> None:
     pair = [device(block, 18.0, 0.5), device(block, 28.0, 0.5)]
     short = [{**one, "run": {"duration": "0.06 s"}} for one in pair]

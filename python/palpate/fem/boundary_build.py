@@ -46,7 +46,8 @@ def build_boundary(
     Args:
         source: closed surface (`Mesh`, or an .stl, .obj, .ply, .off or .glb file).
         young: Young's modulus, Pa, or text such as "5 kPa".
-        fixed: one or more fixed regions, as in `build`; a triangle is fixed if its three vertices are.
+        fixed: one or more fixed regions, as in `build`; a triangle is fixed if its three vertices are. Where a region
+            contains solid too, `build` fixes that as well and makes the body stiffer; "surface z < -4 mm" does not.
         poisson: Poisson's ratio, below 0.5.
         touch: region of the contact surface; None for the whole surface.
         unit: of the coordinates in a file; required for a file.

@@ -58,7 +58,7 @@ class ContactHistory(NamedTuple):
 
     force: Array  # of the body on the tip (m, 3), N
     deflection: Array  # of the nodes in contact, weighted by their forces (m, 3), m
-    energy: Array  # stored in the body (m,), J
+    energy: Array  # stored in the body (m,), J; of a hyperelastic one with memory what it returns within two updates
     nodes: Indices  # number of nodes in contact (m,)
     friction: Array  # tangential part of the force (m, 3), N
     lost: Flags  # whether the tip was inside the body without contact: it began there or was pushed through (m,)

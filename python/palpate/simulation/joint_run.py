@@ -15,11 +15,13 @@ from palpate.scenario import Scenario
 from palpate.simulation.controllers import read_scenarios
 from palpate.simulation.evidence import resolution
 from palpate.simulation.loop import Loop
+from palpate.simulation.recorded import external_forces
 from palpate.simulation.shared_body import SharedBody
 from palpate.simulation.trace import Trace, describe_channel
 from palpate.simulation.trace_export import Channel
 from palpate.simulation.user_object import ContactResult
 from palpate.simulation.verdict import FAILED, State, Verdict
+from palpate.simulation.windows import Window, windows
 
 __all__ = ["JointRun", "simulate_together"]
 
@@ -76,7 +78,8 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
     """Run several devices that touch one deformable body, each with one tip.
 
     All tips are read at the same sample, and the body answers to all of them in that sample: a press by one device is
-    felt by the others within a period. The run ends with the longest scenario, or when a loop diverges.
+    felt by the others within a period. The run ends with the longest scenario, or when a loop diverges. The verdicts
+    are those of every tick, whatever `run.record_every` is.
 
     Args:
         scenarios: one for each device, 2 to 8. Their objects are the same body, with contact by signed distance; its
@@ -86,9 +89,10 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
         ScenarioError: as `SharedBody` and `palpate.simulate`.
     """
     loaded = read_scenarios(scenarios)
+    ticked = [every_tick(scenario) for scenario in loaded]
     shared = SharedBody(loaded)
     objects = [_Presented() for _ in loaded]
-    loops = [Loop(scenario, object=own) for scenario, own in zip(loaded, objects, strict=True)]
+    loops = [Loop(scenario, object=own) for scenario, own in zip(ticked, objects, strict=True)]
     rows, read = [], []
     for _ in range(max(loop.samples for loop in loops)):
         tips = np.array([[_sensed(loop) for loop in loops]])
@@ -103,14 +107,29 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
             break
     found = np.array(rows)
     counts = max(_counts(loop) for loop in loops)
-    traces = tuple(
-        _trace(loop, scenario, turn, found[:, tip], counts)
-        for tip, (loop, scenario, turn) in enumerate(zip(loops, loaded, shared.rotations, strict=True))
-    )
+    tips = np.array(read)
+    whole = [
+        _trace(loop, scenario, turn, found[:, tip], counts, tips)
+        for tip, (loop, scenario, turn) in enumerate(zip(loops, ticked, shared.rotations, strict=True))
+    ]
+    traces = tuple(_recorded(trace, scenario) for trace, scenario in zip(whole, loaded, strict=True))
     solved = np.asarray((found[:, :, SOLVED] > 0.0).all(axis=1), dtype=bool)
     found[:, :, SOLVED] = 1.0  # where they were not, the traces say so
     contacts = tuple(ContactHistory.of(found[:, tip]) for tip in range(len(loops)))
-    return JointRun(traces, contacts, np.array(read), solved)
+    return JointRun(traces, contacts, tips, solved)
+
+
+def every_tick(scenario: Scenario) -> Scenario:
+    """Return the scenario with every tick recorded."""
+    return scenario.model_copy(update={"run": scenario.run.model_copy(update={"record_every": 1})})
+
+
+def _recorded(trace: Trace, scenario: Scenario) -> Trace:
+    """Return the samples of a trace of every tick that its scenario records, with the verdict of every tick."""
+    if scenario.run.record_every == 1:
+        return trace
+    metadata = {**trace.metadata, "scenario": scenario.to_dict(), "verdict": trace.verdict.to_dict()}
+    return trace.thinned(scenario.run.record_every, metadata)
 
 
 def _counts(loop: Loop) -> float:
@@ -119,7 +138,7 @@ def _counts(loop: Loop) -> float:
     return float(resolution(simulation.scenario, simulation.device, simulation.start)[0])
 
 
-def _trace(loop: Loop, scenario: Scenario, turn: Array, rows: Array, counts: float) -> Trace:
+def _trace(loop: Loop, scenario: Scenario, turn: Array, rows: Array, counts: float, tips: Array) -> Trace:
     """Return the trace of a device, with what the shared body adds for its verdict.
 
     Args:
@@ -128,14 +147,25 @@ def _trace(loop: Loop, scenario: Scenario, turn: Array, rows: Array, counts: flo
         turn: body frame to device frame (3, 3).
         rows: of the core, of the device's tip in each tick (m, 15).
         counts: largest tip displacement of two encoder counts of all devices, m: each feels the counts of the others.
+        tips: of all devices in each tick (m, k, 3), m.
     """
     trace = loop.trace
-    kept = rows[:: scenario.run.record_every][: len(trace)]
+    kept = rows[: len(trace)]
     values = {"deflection": kept[:, 3:6] @ turn.T, "solved": kept[:, SOLVED, None], "contact_lost": kept[:, LOST, None]}
     channels = {name: Channel(value, *describe_channel(name)) for name, value in values.items()}
-    known = {**trace.metadata["object"], "name": "shared body", "resolution_m": counts}
+    growths = [_growth(tips, window) for window in windows(external_forces(trace, scenario))]
+    known = {**trace.metadata["object"], "name": "shared body", "resolution_m": counts, "growth_of_all": growths}
     metadata = {**trace.metadata, "scenario": scenario.to_dict(), "object": known}
     return replace(trace, channels={**trace.channels, **channels}, metadata=metadata)
+
+
+def _growth(tips: Array, window: Window) -> float:
+    """Return the growth factor of the oscillation of all tips (m, k, 3), m, together in the last fifth of a window.
+
+    It is the root mean square of their second differences, relative to that of the fifth before.
+    """
+    before, after = (np.square(np.diff(tips[window.part(n, n + 1)], n=2, axis=0)).sum() for n in (3, 4))
+    return float(np.sqrt(after / before)) if before > 0.0 else 1.0
 
 
 def _sensed(loop: Loop) -> Array:

@@ -19,6 +19,7 @@ from palpate.simulation.decision import (
     FLOOR,
     GROWING,
     SHARE,
+    SUSTAINED,
     Evidence,
     ahead,
     chatters,
@@ -61,13 +62,18 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     if trace.unstable_from is not None or len(trace.time) < 2:
         return _diverged(trace, linear)
     *earlier, final = windows(external_forces(trace, scenario))
-    for window in earlier:
+    of_all = trace.metadata.get("object", {}).get("growth_of_all", [np.inf] * (len(earlier) + 1))
+    for window, growth in zip(earlier, of_all, strict=False):
         found = evidence(trace, scenario, window, None)
         state = State(int(decide(found)[0]))
-        if state in OSCILLATES:  # it counts even if the force changes later
+        if state in OSCILLATES and not growth < SUSTAINED:  # it counts even if the force changes later
             return _explained(trace, scenario, window, found, state, linear)
     found = evidence(trace, scenario, final, None if linear is None else linear.worst)
     state = State(int(decide(found)[0]))
+    if state in OSCILLATES and of_all[-1] < SUSTAINED:
+        kept = f"{100 * of_all[-1]:.3g} % of that in the fifth before"
+        reason = f"the tip oscillates, but the oscillation of all tips together decays, to {kept}: run longer"
+        return Verdict(State.UNDECIDED, reason)
     if state is State.SETTLED and not _excited(trace):
         reason = "nothing excites the loop: give [reference] or [operator] a force"
         return Verdict(State.UNDECIDED, reason, linear=_text(linear))

@@ -62,6 +62,7 @@ def _measure(effort: Effort, tell: Progress) -> Rows:
                     "late_p99.9_us": float(np.percentile(on.late, 99.9) * 1e6),
                     "late_without_p99.9_us": float(np.percentile(off.late, 99.9) * 1e6),
                     "waiting_ticks": int(on.touches.tank_empty.sum()),
+                    "ticks_without_force": int(np.count_nonzero(~on.found)),
                 }
             )
     return Rows(rows)

@@ -333,7 +333,7 @@ class IndentableBody(CondensedBody):
             _warn_of_unsolved(rows)
             _warn_of_lost(rows[:, None, LOST] > 0.0)
         if isinstance(self.core, _core.HyperelasticBody):
-            check_found(rows[:, SOLVED])
+            check_found(rows[:, SOLVED] > 0.0)
         return ContactHistory.of(rows)
 
     def simulate_tips(
@@ -519,11 +519,19 @@ def _warn_of_lost(lost: Flags) -> None:
     warnings.warn(f"path: {text} no contact by signed distance until it has come out", BodyWarning, stacklevel=4)
 
 
-def check_found(solved: Array) -> None:
-    """Raise BodyError if the forces on a hyperelastic body were not found in some ticks: `solved` (m,) is 0."""
-    if missing := int(np.count_nonzero(solved == 0.0)):
-        raise BodyError(
-            f"path: the contact forces of {missing} of {len(solved)} ticks were not found: more than {MOST_NODES} "
-            "nodes lie under the tip, it inverts tetrahedra of the body, or it moves too far between two model "
-            "updates: use a smaller depth or tip, a coarser mesh, or smaller steps"
-        )
+def not_found(found: Flags) -> str:
+    """Return why the forces on a hyperelastic body were not `found` in some ticks (m,); empty if they were."""
+    missing = int(np.count_nonzero(~found))
+    if missing == 0:
+        return ""
+    return (
+        f"path: the contact forces of {missing} of {len(found)} ticks were not found: more than {MOST_NODES} "
+        "nodes lie under the tip, it inverts tetrahedra of the body, or it moves too far between two model "
+        "updates: use a smaller depth or tip, a coarser mesh, or smaller steps"
+    )
+
+
+def check_found(found: Flags) -> None:
+    """Raise BodyError if the forces on a hyperelastic body were not `found` in some ticks (m,)."""
+    if problem := not_found(found):
+        raise BodyError(problem)

@@ -11,8 +11,8 @@
 
 namespace palpate::deformable {
 
-/// Compliance of a contact as a whole: the displacement of the loaded nodes in the mean, weighted by their loads, per force along each
-/// axis that is spread over the nodes in the same way.
+/// Compliance of a contact as a whole, 3 x 3. A unit force along each axis is spread over the nodes in the shares of their loads; the
+/// displacement is the mean of those nodes with the same shares.
 class ContactCompliance {
  public:
   ContactCompliance() = default;

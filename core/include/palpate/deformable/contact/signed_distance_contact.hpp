@@ -412,7 +412,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       if (error <= (!brief ? 1.0 : iterations_ == 1 ? rubbing : slipping)) break;
     }
     iterations_ = std::min(iterations_, max_iterations);
-    tick_energy_ = friction_ ? energy_of_forces() : lowest < std::numeric_limits<double>::infinity() ? lowest : 0.0;
+    tick_energy_ = friction_ ? energy_of_forces(true) : lowest < std::numeric_limits<double>::infinity() ? lowest : 0.0;
     return last_error <= (brief ? slipping : acceptable);
   }
 
@@ -426,12 +426,14 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     return f;
   }
 
-  /// Energy that the forces have stored in the body and in the layers, in shear as well, J.
-  [[nodiscard]] double energy_of_forces() const noexcept {
+  /// Energy that the forces have stored in the body and in the layers, in shear as well, J. `are_moved`: the places are where these forces
+  /// displace them.
+  [[nodiscard]] double energy_of_forces(bool are_moved = false) const noexcept {
     double energy = 0.0;
     for (int k = 0; k < near_.engaged(); ++k) {
       const Place& p = near_.place(k);
-      energy += p.layer_energy + 0.5 * (p.force + p.traction).dot(near_.displacement(k));
+      const Vector3<> moved = are_moved ? Vector3<>(p.displacement - p.free) : near_.displacement(k);
+      energy += p.layer_energy + 0.5 * (p.force + p.traction).dot(moved);
       if (friction_) energy += friction_.energy(p);
     }
     return energy;
@@ -596,9 +598,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
   }
 
   /// Release the body from tips that have been pushed through. Their centers are below the surface at rest, those of flat ends by a quarter
-  /// of the radius. Either the body pulls such a tip in, since it touches the tip's back alone, or the tip's force has halved in this tick,
-  /// and the energy has dropped by more than the tips' work less that of friction: by a tenth more, of a body with motion by a half, whose
-  /// tick has an energy of its own.
+  /// of the radius. Either the body pulls such a tip in, since it touches the tip's back alone. Or the tip's force has halved in this tick,
+  /// and the energy has dropped by more than the tips' work less that of friction (energy_dropped).
   void check_pushed_through(bool jump) noexcept {
     const bool dropped = !jump && energy_dropped();
     bool released = false;
@@ -619,7 +620,8 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     sum_forces();
   }
 
-  /// Whether the energy has dropped in this tick by more than the tips' work less that of friction.
+  /// Whether the energy has dropped in this tick by more than the tips' work less that of friction: by a tenth more, or by a half on a body
+  /// with motion, whose tick has an energy of its own.
   [[nodiscard]] bool energy_dropped() const noexcept {
     double work = 0.0;
     for (int t = 0; t < near_.tip_count(); ++t) work += 0.5 * near_.tip(t).last_move.dot(near_.tip(t).force - results_[at(t)].force);

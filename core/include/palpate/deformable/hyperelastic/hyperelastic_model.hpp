@@ -137,8 +137,9 @@ class HyperelasticModel {
 
   /// Take the forces and the tangent of equilibria, i.e. of the long term and without mass, at the present displacement.
   void begin_equilibrium() {
-    begin_step(fully_relaxed);
-    if (!relaxation_.enabled()) evaluate_state();
+    if (relaxation_.enabled()) return begin_step(fully_relaxed);
+    weight_ = 1.0;
+    evaluate_state();
   }
 
   /// Begin stage 0 or 1 of a step of length h [s] of the Runge-Kutta method with `gamma` (BodyDynamics); the second one at the end of the

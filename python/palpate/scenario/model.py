@@ -458,6 +458,10 @@ class Scenario(Section):
         assert self.servo.period is not None  # filled in by validation
         return self.servo.period
 
+    def with_every_tick(self) -> Scenario:
+        """Return the scenario with every tick recorded, whatever `run.record_every` is."""
+        return self.model_copy(update={"run": self.run.model_copy(update={"record_every": 1})})
+
     @property
     def each_object(self) -> dict[str, Scenario]:
         """The scenario with each of its objects as its [object], by name; the name of a single one is ""."""

@@ -89,7 +89,7 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
         ScenarioError: as `SharedBody` and `palpate.simulate`.
     """
     loaded = read_scenarios(scenarios)
-    ticked = [every_tick(scenario) for scenario in loaded]
+    ticked = [scenario.with_every_tick() for scenario in loaded]
     shared = SharedBody(loaded)
     objects = [_Presented() for _ in loaded]
     loops = [Loop(scenario, object=own) for scenario, own in zip(ticked, objects, strict=True)]
@@ -112,24 +112,11 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
         _trace(loop, scenario, turn, found[:, tip], counts, tips)
         for tip, (loop, scenario, turn) in enumerate(zip(loops, ticked, shared.rotations, strict=True))
     ]
-    traces = tuple(_recorded(trace, scenario) for trace, scenario in zip(whole, loaded, strict=True))
+    traces = tuple(trace.recorded(scenario) for trace, scenario in zip(whole, loaded, strict=True))
     solved = np.asarray((found[:, :, SOLVED] > 0.0).all(axis=1), dtype=bool)
     found[:, :, SOLVED] = 1.0  # where they were not, the traces say so
     contacts = tuple(ContactHistory.of(found[:, tip]) for tip in range(len(loops)))
     return JointRun(traces, contacts, tips, solved)
-
-
-def every_tick(scenario: Scenario) -> Scenario:
-    """Return the scenario with every tick recorded."""
-    return scenario.model_copy(update={"run": scenario.run.model_copy(update={"record_every": 1})})
-
-
-def _recorded(trace: Trace, scenario: Scenario) -> Trace:
-    """Return the samples of a trace of every tick that its scenario records, with the verdict of every tick."""
-    if scenario.run.record_every == 1:
-        return trace
-    metadata = {**trace.metadata, "scenario": scenario.to_dict(), "verdict": trace.verdict.to_dict()}
-    return trace.thinned(scenario.run.record_every, metadata)
 
 
 def _counts(loop: Loop) -> float:

@@ -134,15 +134,12 @@ class Simulation:
         every = self.scenario.run.record_every
         if every == 1 or len(self.reference) > MOST_TICKS:
             return self._continued(self.trace(*self.run()))
-        trace = self.every_tick()
-        metadata = {**trace.metadata, **self._metadata(), "verdict": trace.verdict.to_dict()}
-        return trace.thinned(every, metadata)
+        return self.every_tick().recorded(self.scenario)
 
     def every_tick(self) -> Trace:
         """Run the scenario and return the trace of every tick, whatever `run.record_every` is."""
         every = self.scenario.run.record_every
-        run = self.scenario.run.model_copy(update={"record_every": 1})
-        whole = replace(self, scenario=self.scenario.model_copy(update={"run": run}))
+        whole = replace(self, scenario=self.scenario.with_every_tick())
         self.setup.record_every = 1
         try:
             return whole._continued(whole.trace(*whole.run()))

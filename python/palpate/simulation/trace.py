@@ -21,6 +21,7 @@ from palpate.errors import OutputError, PalpateError
 from palpate.files import HDF5_SIGNATURE, as_path, atomic_write
 from palpate.files.hdf5_output import write_hdf5
 from palpate.files.json_text import load_json
+from palpate.scenario import Scenario
 from palpate.simulation.judgment import judge
 from palpate.simulation.trace_export import (
     Channel,
@@ -187,6 +188,14 @@ class Trace(TraceContent):
     def scenario(self) -> dict[str, Any]:
         """The scenario's tables, as text with units; empty if none is known."""
         return dict(self.metadata.get("scenario", {}))
+
+    def recorded(self, scenario: Scenario) -> Trace:
+        """Return what a scenario records of this trace of every tick, with the verdict of every tick."""
+        every = scenario.run.record_every
+        if every == 1:
+            return self
+        told = {"scenario": scenario.to_dict(), "verdict": self.verdict.to_dict()}
+        return self.thinned(every, {**self.metadata, **told})
 
     def thinned(self, every: int, metadata: Mapping[str, Any]) -> Trace:
         """Return the trace of every n-th sample, with other metadata."""

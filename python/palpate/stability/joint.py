@@ -15,7 +15,7 @@ from palpate.arrays import Array
 from palpate.scenario import Scenario
 from palpate.simulation.body_response import HeldTips, body_response
 from palpate.simulation.controllers import read_scenarios
-from palpate.simulation.joint_run import JointRun, every_tick, simulate_together
+from palpate.simulation.joint_run import JointRun, simulate_together
 from palpate.simulation.linear_loop import ScenarioLoop, require_linear_parts
 from palpate.simulation.shared_body import SharedBody
 from palpate.simulation.verdict import FAILED, State
@@ -106,7 +106,7 @@ def joint_stability(
         StabilityError: a tip is off the body at the end of the run, a device has a part without a linear model, or the
             body's response does not decay.
     """
-    loaded = [every_tick(scenario) for scenario in read_scenarios(scenarios)]
+    loaded = [scenario.with_every_tick() for scenario in read_scenarios(scenarios)]
     for scenario in loaded:
         require_linear_parts(scenario)
     recorded = run is not None and all(len(trace) == len(run.contacts[0].nodes) for trace in run.traces)

@@ -72,7 +72,7 @@ class NearNodes {
     const PatchPoints* points = nullptr;
     Vector3<> center = Vector3<>::Zero(), last_move = Vector3<>::Zero();  // m
     Vector3<> deflection = Vector3<>::Zero();                             // mean displacement of the body under the tip, m
-    Vector3<> force = Vector3<>::Zero();                                  // on the body, N
+    Vector3<> force = Vector3<>::Zero(), last_force = Vector3<>::Zero();  // on the body, in this tick and the last one, N
     Vector3<> listed_center = Vector3<>::Zero(), listed_deflection = Vector3<>::Zero();
     double way = 0.0;   // of the last tick, m
     bool jump = false;  // every node near the tip is copied at once
@@ -132,6 +132,9 @@ class NearNodes {
     for (int k = engaged_; k < count_; ++k)
       if (place(k).stiffness == 0.0) place(k).barred = false;
   }
+
+  /// Whether the body moves by itself.
+  [[nodiscard]] bool has_motion() const noexcept { return motion_ != nullptr; }
 
   [[nodiscard]] int tip_count() const noexcept { return static_cast<int>(tips_.size()); }
   [[nodiscard]] Tip& tip(int t) noexcept { return tips_[at(t)]; }
@@ -294,6 +297,8 @@ class NearNodes {
   void set_force(int k) noexcept { forces_.set(k, place(k).force + place(k).traction); }
   /// Displacement of a place by the forces, m.
   [[nodiscard]] Vector3<> displacement(int k) const noexcept { return copy_.displacement(k, forces_, engaged_); }
+  /// Set the displacement of a place to that by the forces.
+  void move(int k) noexcept { place(k).displacement = place(k).free + displacement(k); }
   /// Add the displacements of the engaged places by a force on place k to `sum`.
   void add_displacements(int k, const Vector3<>& force, PlaceForces& sum) const noexcept {
     copy_.add_displacements(k, force, engaged_, sum);

@@ -180,6 +180,45 @@ def test_no_body_pulls_in_a_tip_that_is_below_its_surface(body: Body, kind: str,
     assert lost > 3
 
 
+@pytest.mark.filterwarnings("ignore:path. from step")
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("kind", ["elastic", "viscoelastic", "modal"])
+def test_a_flat_end_is_pushed_through_and_then_has_no_force(body: Body, kind: str, friction: float) -> None:
+    """Its rod touched the nodes beside it, however far behind the body it was. Work is lost, none is gained."""
+    made, radius, period = Body(body.contents), 6e-3, 0.5e-3
+    relax: dict[str, Any] = {"instantaneous_ratio": 1.4, "retardation_time": "30 ms"} if kind == "viscoelastic" else {}
+    if kind == "elastic":
+        pressed = made.signed_distance()
+    elif kind == "viscoelastic":
+        pressed = made.viscoelastic(period, contact="signed_distance", **relax)
+    else:
+        pressed = made.modal(period, rayleigh_alpha="20 1/s", contact="signed_distance")
+    pressed = pressed.with_friction(friction, friction)
+    depth = np.concatenate([np.linspace(-1e-3, 5.0 * radius, 2000), np.linspace(5.0 * radius, -1e-3, 2000)])
+    path = np.stack([np.full_like(depth, AT[0]), np.full_like(depth, AT[1]), TOP - depth], axis=1)
+    felt = pressed.simulate_path(path, radius, tip="flat", outward=[0.0, 0.0, 1.0])
+    assert 1.1 * radius < depth[np.flatnonzero(felt.lost)[0]] < 3.0 * radius
+    assert felt.lost[depth > 3.0 * radius].all()
+    assert not felt.force[felt.lost].any()
+    assert not felt.lost[-1]
+    work = -np.cumsum(0.5 * (felt.force[1:] + felt.force[:-1])[:, 2] * np.diff(path[:, 2]))
+    assert work.min() > -1e-9
+    assert work[-1] > 0.0
+
+
+def test_a_way_is_behind_the_fixed_part_if_it_crosses_it(body: Body) -> None:
+    """The bottom of the block is fixed, its edges included: a way crosses it where it changes from above to below."""
+    random = np.random.default_rng(5)
+    for _ in range(300):
+        start, end = random.uniform([-0.01, -0.01, -0.02], [0.05, 0.05, 0.03], (2, 3))
+        share = start[2] / (start[2] - end[2])
+        at = start + share * (end - start)
+        crosses = 0.0 < share < 1.0 and bool(((at[:2] > 0.0) & (at[:2] < 0.04)).all())
+        assert body.is_behind_fixed(start, end) == crosses
+    for vertex in body.points[body.points[:, 2] == 0.0]:
+        assert body.is_behind_fixed(vertex + np.array([0.0, 0.0, 0.02]), vertex - np.array([0.0, 0.0, 0.01]))
+
+
 def test_a_tool_that_reaches_into_the_body_before_the_press_is_told_from_one_pushed_through(body: Body) -> None:
     tool = body.with_contact_points([[0.0, 0.0, 0.0], [5e-3, 0.0, -10e-3]])
     with pytest.raises(BodyError, match=r"contact_points: before the press a tip of the tool is already inside"):

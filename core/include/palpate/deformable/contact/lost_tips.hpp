@@ -44,18 +44,18 @@ class LostTips {
   }
 
   /// Release the body from tips that have been pushed through. Their centers are below the surface at rest, those of flat ends by a quarter
-  /// of the radius. Either the body pulls such a tip in, since it touches the tip's back alone. Or the tip's force has halved in this tick,
-  /// and the `energy` [J] has dropped by more than a share `allowed` of what it would be by the work, less that of friction. A tip that
-  /// jumps may find another equilibrium. Return whether there is one.
+  /// of the radius. Either such a tip has passed the nodes that it touches. Or its force falls by half or more in this tick, from about its
+  /// largest one, and the `energy` [J] has dropped by more than a share `allowed` of what it would be by the work, less that of friction. A
+  /// tip that jumps may find another equilibrium. Return whether there is one.
   bool release_pushed_through(NearNodes& near, const LayerFriction& friction, double energy_before, double energy, double allowed,
                               bool jump) const noexcept {
     bool dropped = false, released = false;
-    for (int t = 0; t < near.tip_count(); ++t) dropped = dropped || has_halved(near.tip(t));
+    for (int t = 0; t < near.tip_count(); ++t) dropped = dropped || has_fallen(near.tip(t));
     dropped = dropped && !jump && has_dropped(near, friction, energy_before, energy, allowed);
     for (int t = 0; t < near.tip_count(); ++t) {
       NearNodes::Tip& tip = near.tip(t);
-      const bool fell = dropped && has_halved(tip);
-      if (!fell && !is_pulled_in(near, t)) continue;
+      const bool fell = dropped && has_fallen(tip);
+      if (!fell && !has_passed(near, t)) continue;
       const int nearest = near.nearest(t, true);
       const double sunk = tip.shape.shape == TipGeometry::Shape::capsule ? 0.0 : 0.25 * tip.shape.radius;
       if (nearest < 0 || height_over_patch(near, nearest) > -sunk) continue;
@@ -67,10 +67,14 @@ class LostTips {
   }
 
  private:
-  static constexpr double max_sunk = 0.3;  // of the radius: depth of the center below the nearest node's tangent plane
+  static constexpr double max_sunk = 0.3;       // of the radius: depth of the center below the nearest node's tangent plane
+  static constexpr double least_pressed = 0.2;  // of the forces: part along the normals of nodes that a flat end has not passed
 
-  [[nodiscard]] static bool has_halved(const NearNodes::Tip& tip) noexcept {
-    return tip.force.squaredNorm() <= 0.25 * tip.last_force.squaredNorm();
+  /// Whether the force of a tip falls by half or more in a tick, from one that is not much smaller than those of the last ticks: a contact
+  /// that ends, or from which the body swings away, has lost most of its force before.
+  [[nodiscard]] static bool has_fallen(const NearNodes::Tip& tip) noexcept {
+    const double last = tip.last_force.norm();
+    return last >= 0.5 * tip.recent_force && tip.force.norm() <= 0.5 * last;
   }
 
   /// Work of the present forces on a body with motion by its motion in this tick, J. The contact loses it.
@@ -94,11 +98,15 @@ class LostTips {
     return before + work - rubbed - now > allowed * (before + std::abs(work));
   }
 
-  /// Whether a tip pulls the nodes that it touches along their outward normals at rest.
-  [[nodiscard]] bool is_pulled_in(const NearNodes& near, int t) const noexcept {
+  /// Whether a tip has passed the nodes that it touches: it pulls them along their outward normals at rest. A flat end, which goes on
+  /// behind its end without limit, then touches them with its side: it hardly presses them along those normals.
+  [[nodiscard]] bool has_passed(const NearNodes& near, int t) const noexcept {
+    const double beside = near.tip(t).shape.shape == TipGeometry::Shape::cylinder ? least_pressed : 0.0;
     double outward = 0.0;
-    for (int k = 0; k < near.engaged(); ++k)
-      if (near.place(k).tip == t) outward += near.place(k).force.dot(nodes_->normal(near.place(k).node));
+    for (int k = 0; k < near.engaged(); ++k) {
+      const NearNodes::Place& p = near.place(k);
+      if (p.tip == t) outward += p.force.dot(nodes_->normal(p.node)) + beside * p.force.norm();
+    }
     return outward > 0.0;
   }
 

@@ -73,6 +73,7 @@ class NearNodes {
     Vector3<> center = Vector3<>::Zero(), last_move = Vector3<>::Zero();  // m
     Vector3<> deflection = Vector3<>::Zero();                             // mean displacement of the body under the tip, m
     Vector3<> force = Vector3<>::Zero(), last_force = Vector3<>::Zero();  // on the body, in this tick and the last one, N
+    double recent_force = 0.0;                                            // largest of the last ticks, fading, N
     Vector3<> listed_center = Vector3<>::Zero(), listed_deflection = Vector3<>::Zero();
     double way = 0.0;   // of the last tick, m
     bool jump = false;  // every node near the tip is copied at once

@@ -21,6 +21,7 @@ from palpate.simulation.simulator import build_simulation
 from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import State
 from palpate.simulation.windows import Window
+from palpate.stability import certify
 from scipy.spatial.transform import Rotation
 
 POSE = ["0 rad", "2.2305 rad", "3.2776 rad"]
@@ -412,3 +413,36 @@ def test_the_depth_of_a_sphere_in_a_block_is_that_of_the_closed_form_beside_edge
     within = np.minimum(centers, size - centers).min(axis=1)
     expected = np.maximum(radius + np.where(within > 0.0, within, -beside), 0.0)
     assert depths_at_rest(block, centers, radius) == pytest.approx(expected, abs=1e-9)
+
+
+def pressed_far(block: Path, force: float, stiffness: float, **body: Any) -> dict[str, Any]:
+    """A slider that an arm's spring stops, behind the block if it does not resist; its top faces the slider."""
+    hand = {"kind": "arm", "mass": "0.1 kg", "damping": "12 N*s/m", "stiffness": f"{stiffness} N/m"}
+    return {
+        "device": {"name": "slider"},
+        "start": {"pose": ["0 mm"]},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "controller": {"kind": "none"},
+        "operator": {**hand, "shape": "ramp", "rise": "0.5 s", "force": [f"{-force} N", "0 N", "0 N"]},
+        "object": {"kind": "body", "body": on(block, rotation=["0 deg", "90 deg", "0 deg"], **body)},
+        "run": {"duration": "4 s"},
+    }
+
+
+def test_a_flat_end_far_behind_a_body_is_not_settled(block: Path) -> None:
+    """It was settled 65 mm below the top of a block of 20 mm, its rod in the nodes beside it."""
+    trace = simulate(pressed_far(block, 6.5, 100.0, kind="signed_distance"))
+    assert trace["tip"][-1, 0] < -0.04
+    assert trace.verdict.state is State.CONTACT_LOST
+    assert certify(pressed_far(block, 6.5, 100.0, kind="signed_distance")).verdict.state is State.UNDECIDED
+
+
+@pytest.mark.parametrize("kind", ["compliance", "modal"])
+def test_a_body_pressed_through_its_fixed_part_is_not_settled(block: Path, kind: str) -> None:
+    """With contact at the nodes' normals the body yields on: 30 mm and more into a block of 20 mm."""
+    scenario = pressed_far(block, 12.0, 20.0, kind=kind)
+    trace = simulate(scenario)
+    assert np.linalg.norm(trace["deflection"][-1]) > 0.02
+    assert trace.verdict.state is State.UNDECIDED
+    assert "through its fixed part" in trace.verdict.reason
+    assert certify(scenario).verdict.state is State.UNDECIDED

@@ -76,6 +76,10 @@ def test_the_loop_is_stable_if_and_only_if_every_finding_is() -> None:
                         assert verdict.reason
 
 
+def test_the_factor_of_a_body_with_mass_scales_stiffness_and_mass() -> None:
+    assert "may be 3 times as stiff and as heavy at every depth" in _verdict(findings(STABLE, run()), True).reason
+
+
 def test_an_unstable_motion_that_only_slides_is_undecided() -> None:
     sliding = replace(UNSTABLE, loop=loop(1.01 + 0j, 0.3 + 0.4j))
     verdict = _verdict(findings(sliding, run(State.BOUNDED_OSCILLATION)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -24,6 +25,7 @@ from palpate.fem.errors import BodyError
 from palpate.fem.layer_modulus import layer_moduli
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 from palpate.fem.multifrontal import MultifrontalSolver
+from palpate.fem.selectors import parse_selector
 from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches, given_network
 from palpate.fem.storage import BodyData, read, write
 from palpate.fem.support_changes import HELD
@@ -188,6 +190,36 @@ class CondensedBody:
         for row in np.flatnonzero(~found):  # the nearest vertex may lie beside the rod and another one under it
             found[row] = overlap(vertices - centers[row]).any()
         return found
+
+    @cached_property
+    def _still_triangles(self) -> Array:
+        """Corners of the triangles of the whole surface whose three points are fixed (k, 3, 3), m."""
+        still = np.zeros(len(self.points), dtype=bool)
+        for text in self.record.get("fixed", []):
+            with contextlib.suppress(BodyError):  # the name of a region of the user's own
+                still |= parse_selector(text).inside(self.points)
+        return np.asarray(self.points[self.triangles[still[self.triangles].all(axis=1)]])
+
+    def is_behind_fixed(self, start: Array, end: Array) -> bool:
+        """Return whether the straight way from `start` to `end`, both (3,), m, crosses a fixed part of the surface.
+
+        No material can be displaced along such a way.
+        """
+        corners = self._still_triangles
+        if not len(corners):
+            return False
+        way = end - start
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        along = normal @ way
+        crossed = np.abs(along) > 1e-12 * np.linalg.norm(normal, axis=1) * max(float(np.linalg.norm(way)), 1e-300)
+        share = np.einsum("ij,ij->i", corners[:, 0] - start, normal)[crossed] / along[crossed]
+        at, corners, normal = start + share[:, None] * way, corners[crossed], normal[crossed]
+        inside = (share >= 0.0) & (share <= 1.0)
+        size = np.einsum("ij,ij->i", normal, normal)
+        for c in range(3):  # a way along an edge passes through both triangles
+            edge = np.cross(corners[:, (c + 1) % 3] - corners[:, c], at - corners[:, c])
+            inside &= np.einsum("ij,ij->i", edge, normal) >= -1e-9 * size
+        return bool(inside.any())
 
     def on_surface(self, values: ArrayLike) -> Array:
         """Return node values (n, ...) at the vertices of `surface` (v, ...); fixed vertices have zero.

@@ -121,6 +121,25 @@ def tip_depths(trace: Recorded, rows: slice = slice(None)) -> Array | None:
     return np.asarray(depth.reshape(len(centers), -1).max(axis=1))
 
 
+def is_behind_fixed(trace: Recorded) -> bool:
+    """Return whether a trace's body is pressed in, at its end, through a part of its surface that is fixed.
+
+    No body can be; one of small strains yields on, whatever its thickness. False also if the body is no longer there.
+    """
+    if (found := _recorded_body(trace)) is None:
+        return False
+    scenario, choice, body = found
+    turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
+    way = trace["deflection"][-1] @ turn
+    length = float(np.linalg.norm(way))
+    if not length > 0.0:
+        return False
+    times = tick_times(scenario.period, trace.time[[-1]])
+    reach = 0.0 if choice.tip == "flat" else choice.radius
+    ends = _tip_in_body(trace, scenario, body)[-1] + tool_in_body(choice, times)[0] + reach / length * way
+    return any(body.is_behind_fixed(end - way, end) for end in ends)
+
+
 def depth_without_contact(trace: Recorded) -> float:
     """Return how deep a tip that touches nothing is below the surface of its body at the end of a trace, m.
 

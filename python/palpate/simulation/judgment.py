@@ -10,8 +10,9 @@ import numpy as np
 from palpate.arrays import Array
 from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded, unfound
 from palpate.devices.reach import beyond_reach
+from palpate.fem.model_spec import LAWS
 from palpate.scenario import Scenario
-from palpate.simulation.bodies import depth_without_contact, tip_depths
+from palpate.simulation.bodies import depth_without_contact, is_behind_fixed, tip_depths
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.decision import (
     BAND,
@@ -268,16 +269,25 @@ def _by_distance(scenario: Scenario) -> bool:
 
 
 def _too_deep(trace: Recorded, scenario: Scenario | None) -> str | None:
-    """Return that a tip ends deeper than its radius in a body by signed distance, whose force falls there; or None."""
+    """Return that a tip ends deeper in a body of small strains than such a body holds it; None if it does not.
+
+    It is pressed through a fixed part of the body or, by signed distance, deeper than its radius, where forces fall.
+    """
     body = None if scenario is None else scenario.object.body
-    if body is None or not body.by_distance:
+    if body is None or body.kind in LAWS:
+        return None
+    remedy = "use a larger tip, a smaller force, or hyperelastic"
+    if is_behind_fixed(trace):
+        depth = 1e3 * float(np.linalg.norm(trace["deflection"][-1]))
+        return f"the body is pressed in by {depth:.3g} mm, through its fixed part, as no real body can be: {remedy}"
+    if not body.by_distance:
         return None
     below, radius = tip_depths(trace, slice(-1, None)), body.radius
     if below is None or not below[-1] > radius:
         return None
     return (
         f"the tip rests {1e3 * below[-1]:.3g} mm deep, more than its radius of {1e3 * radius:.3g} mm: contact by "
-        "signed distance does not hold it there as a body would; use a larger tip, a smaller force, or hyperelastic"
+        f"signed distance does not hold it there as a body would; {remedy}"
     )
 
 

@@ -120,7 +120,7 @@ def _response(held: HeldTip, step: float) -> BodyResponse:
     mean, difference = 0.5 * (forth + back), 0.5 * (forth - back)
     system, error = realize(mean, held.period)
     odd = np.abs(difference).sum(axis=0)
-    asymmetry = float(odd.sum() / np.abs(mean).sum())
+    asymmetry = float(odd.sum() / max(np.abs(mean).sum(), 1e-300))
     return BodyResponse(held.frame, system, mean, error + odd + tail, asymmetry, held.nodes)
 
 

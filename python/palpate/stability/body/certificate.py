@@ -32,8 +32,8 @@ _QUANTILES = (0.5, 0.25, 0.1, 0.75)  # of the depth in contact, tried in turn fo
 _APART = 0.05  # difference of two depths, relative to the depth at rest, that counts
 _REAL = 1e-9  # angle of an eigenvalue, rad per sample, below which its motion does not oscillate
 _NEVER = (
-    "the tip does not touch the body in the run; move the body (object.position) to where its surface is not held, or "
-    "press longer (run.duration)"
+    "the tip does not touch the body in the run; move the body (object.position) to where its surface is not held, "
+    "press longer (run.duration), or mesh it finer (object.body.spacing): a tip between its nodes touches none"
 )
 _FIRST = 0.999  # ratio of two margins below which the lower one counts as another
 _DECAYS = 4.0  # time constants of the slowest motion for which the run is watched
@@ -60,7 +60,7 @@ def certify_body(s: Scenario) -> Certificate:
             'operator.kind: "fixed" keeps the tip still, so nothing can oscillate; give another operator'
         )
     found = _find(s)
-    verdict = _verdict(found)
+    verdict = _verdict(found, _scales_mass(s))
     steps = [*_method(s, found), found.run.sentence]
     margin = _margins(found)
     if found.rest is not None and isinstance(found.rest.loop, MultirateLoop) and verdict.state is State.STABLE:
@@ -218,7 +218,12 @@ def _last_change(s: Scenario) -> float:
     return max(last_motion(choice), last_change(s) or 0.0)
 
 
-def _verdict(found: _Findings) -> Verdict:
+def _scales_mass(s: Scenario) -> bool:
+    """Return whether the margin of a body scales its mass as well: the whole of a force with inertia."""
+    return s.object.body is not None and s.object.body.kind in ("modal", "mass_spring")
+
+
+def _verdict(found: _Findings, scales_mass: bool = False) -> Verdict:
     rest, run = found.rest, found.run
     if rest is None:
         return Verdict(State.UNDECIDED, f"{found.untested}. {run.sentence}")
@@ -242,7 +247,8 @@ def _verdict(found: _Findings) -> Verdict:
     about = linear[0].upper() + linear[1:]
     least = min(one.stiffness_margin for one in (rest, *found.depths))
     slide = min(one.slide_margin for one in (rest, *found.depths))
-    factor = "of any stiffness" if math.isinf(min(least, slide)) else f"{min(least, slide):.4g} times as stiff"
+    scaled = "times as stiff and as heavy" if scales_mass else "times as stiff"
+    factor = "of any stiffness" if math.isinf(min(least, slide)) else f"{min(least, slide):.4g} {scaled}"
     slides = "the tip slides across the contact, which has no friction"
     end = slides if slide < _FIRST * least else "the loop oscillates"
     sentence = f"the body may be {factor} at every depth tested before {end}. {about}"
@@ -346,8 +352,8 @@ def _assumptions(s: Scenario) -> tuple[str, ...]:
     sentences = [*assumptions(s), "The nodes in contact stay the same, and those that stick go on sticking."]
     if s.operator.kind != "arm" and not choice.options.get("static_friction", 0.0):
         sentences.append("Without friction the operator controls motions along the surface.")
-    if choice.kind in ("modal", "mass_spring"):
-        sentences.append("The margin scales the body's whole force: modulus and density together.")
+    if _scales_mass(s):
+        sentences.append("The margin scales the body's whole force: modulus and density together, not one of them.")
     if choice.supports:
         last = choice.supports[-1].at
         sentences.append(f"The supports of the body are those after their last change, at {last:g} s.")

@@ -86,7 +86,7 @@ class LayerContact {
       if (near.still_clear(k, at)) return 0.0;
       clear = gap(near, p, at);
     }
-    const PressedPoints pressed = clear > 0.0 ? PressedPoints{.clearance = clear} : points_at<detail::FloatPack>(near.tip_of(p), p, at);
+    const PressedPoints pressed = clear > 0.0 ? PressedPoints{.clearance = clear} : points_at<false>(near.tip_of(p), p, at);
     p.target = pressed.force;
     p.stiffness = pressed.stiffness;
     p.grip = pressed.grip;
@@ -97,7 +97,7 @@ class LayerContact {
 
   /// Set the energy of a place's points, and the traction that they carry, at the position `at` relative to its tip [m].
   void press_at(const NearNodes& near, Place& p, const Vector3<>& at) noexcept {
-    const PressedPoints pressed = points_at<detail::DoublePack>(near.tip_of(p), p, at);
+    const PressedPoints pressed = points_at<false, detail::DoublePack>(near.tip_of(p), p, at);
     p.layer_energy = pressed.energy;
     p.grip = {pressed.grip.stiffness, p.traction, pressed.grip.energy};
   }
@@ -105,7 +105,7 @@ class LayerContact {
   /// Force at a place with the displacement `u` [m]. PointTractions records the stiffness of its points there.
   [[nodiscard]] CoupledNewton::Force law(const NearNodes& near, const Place& p, const Vector3<>& u) noexcept {
     const NearNodes::Tip& tip = near.tip_of(p);
-    const PressedPoints pressed = points_at<detail::DoublePack>(tip, p, nodes_->point(p.node) + u - tip.center);
+    const PressedPoints pressed = points_at<false, detail::DoublePack>(tip, p, nodes_->point(p.node) + u - tip.center);
     CoupledNewton::Force f{.normal = pressed.force, .stiffness = pressed.stiffness, .energy = pressed.energy, .grip = pressed.grip};
     if (friction_) f.traction = friction_.traction_at(p, u - tip.center, f.normal, f.grip);
     return f;
@@ -128,7 +128,7 @@ class LayerContact {
   double settle(const NearNodes& near, Place& p) noexcept {
     const NearNodes::Tip& tip = near.tip_of(p);
     if (LayerCreep* const creep = creep_under(tip); creep != nullptr) {
-      p.layer_energy = press_points<true>(p.node, tip, position(near, p), creep, {}, others_of(p)).energy;
+      p.layer_energy = points_at<true>(tip, p, position(near, p)).energy;
       creep->mark(p.node);
     }
     return p.layer_energy + friction_.stored_energy(p);
@@ -153,9 +153,6 @@ class LayerContact {
     const double reach = one.shape.reach() + one.shape.length + other.shape.reach() + other.shape.length;
     return one.shape.shape == TipGeometry::Shape::cylinder || (one.center - other.center).squaredNorm() < reach * reach;
   }
-  [[nodiscard]] const OverlappingTips* others_of(const Place& p) const noexcept {
-    return any_overlap_ ? &overlapping_[at(p.tip)] : nullptr;
-  }
 
   /// Creep of the layer under a tip, or null.
   [[nodiscard]] LayerCreep* creep_under(const NearNodes::Tip& tip) noexcept {
@@ -163,9 +160,13 @@ class LayerContact {
     return creep.active() ? &creep : nullptr;
   }
 
-  template <class Scalar>
-  [[nodiscard]] PressedPoints points_at(const NearNodes::Tip& tip, const Place& p, const Vector3<>& at) noexcept {
-    return press_points<false, Scalar>(p.node, tip, at, creep_under(tip), friction_.points(p, *tip.points), others_of(p));
+  /// press_points() of a place at `y` relative to its tip [m].
+  template <bool settle, class Scalar = detail::FloatPack>
+  PressedPoints points_at(const NearNodes::Tip& tip, const Place& p, const Vector3<>& y) noexcept {
+    LayerCreep* const creep = creep_under(tip);
+    const RubbedPoints rubbed = friction_.points(p, *tip.points);
+    if (!any_overlap_) return press_points<settle, Scalar>(p.node, tip, y, creep, rubbed);
+    return press_points<settle, Scalar>(p.node, tip, y, creep, rubbed, overlapping_[at(p.tip)]);
   }
 
   const SurfaceNodes* nodes_;

@@ -105,7 +105,7 @@ class LostTips {
     double outward = 0.0;
     for (int k = 0; k < near.engaged(); ++k) {
       const NearNodes::Place& p = near.place(k);
-      if (p.tip == t) outward += p.force.dot(nodes_->normal(p.node)) + beside * p.force.norm();
+      if (p.tip == t) outward += p.force.dot(nodes_->normal(p.node)) + (beside > 0.0 ? beside * p.force.norm() : 0.0);
     }
     return outward > 0.0;
   }

@@ -60,6 +60,16 @@ class OverlappingTips {
   std::size_t count_ = 0;
 };
 
+/// No other tip is near: see OverlappingTips.
+struct NoOtherTips {
+  template <class Scalar>
+  [[nodiscard, gnu::always_inline]] Scalar share(const NearNodes::Tip& /*tip*/, const Vector3<Scalar>& /*y*/,
+                                                 const Vector3<Scalar>& /*normal*/, const Scalar& /*depth*/,
+                                                 const Scalar& excess) const noexcept {
+    return excess;
+  }
+};
+
 namespace detail {
 
 /// Two double-precision numbers, one register on every target: Eigen aligns no wider numbers without AVX.
@@ -106,9 +116,9 @@ template <class Scalar>
 /// instead; the energy is the one stored then, without LayerCreep::delayed_energy(), and there is no force. `layer` is null without creep.
 /// Points less deep than the `friction`'s depth, if that is not 0, count in proportion to their depth in `grip`. `others` are the tips that
 /// may overlap this one. `Scalar` is FloatPack or DoublePack, which cannot settle.
-template <bool settle, class Scalar = detail::FloatPack>
+template <bool settle, class Scalar = detail::FloatPack, class Others = NoOtherTips>
 PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer,
-                           const RubbedPoints& friction = {}, const OverlappingTips* others = nullptr) noexcept {
+                           const RubbedPoints& friction = {}, const Others& others = {}) noexcept {
   using math::any, math::select, math::max_of, math::min_of;
   constexpr std::size_t lanes = std::is_same_v<Scalar, detail::FloatPack> ? detail::float_lanes : detail::DoublePack::width;
   const PatchPoints& points = *tip.points;
@@ -127,7 +137,7 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
       crept = remaining * detail::read_pack<Scalar>(layer->state() + q);
       excess -= crept;
     }
-    if (others != nullptr) excess = others->share(tip, y, normal, in.depth, excess);
+    excess = others.share(tip, y, normal, in.depth, excess);
     if constexpr (!settle) {
       if (!any(excess > Scalar(0.0))) {
         if (friction.tractions != nullptr) friction.store(q - points.begin(node), Scalar(0.0));

@@ -219,6 +219,17 @@ def test_a_way_is_behind_the_fixed_part_if_it_crosses_it(body: Body) -> None:
         assert body.is_behind_fixed(vertex + np.array([0.0, 0.0, 0.02]), vertex - np.array([0.0, 0.0, 0.01]))
 
 
+def test_the_depth_along_an_axis_is_the_way_to_the_surface_there(body: Body) -> None:
+    random = np.random.default_rng(6)
+    up, aside = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
+    for _ in range(200):
+        x, y, z = random.uniform([-0.005, -0.005, -0.005], [0.045, 0.045, 0.025])
+        inside = 0.0 < x < 0.04 and 0.0 < y < 0.04 and 0.0 < z < TOP
+        assert body.depth_along(np.array([x, y, z]), up) == pytest.approx(TOP - z if inside else 0.0)
+        way = min((TOP - z) / 0.8, (0.04 - x) / 0.6) if inside else 0.0
+        assert body.depth_along(np.array([x, y, z]), aside) == pytest.approx(way)
+
+
 def test_a_tool_that_reaches_into_the_body_before_the_press_is_told_from_one_pushed_through(body: Body) -> None:
     tool = body.with_contact_points([[0.0, 0.0, 0.0], [5e-3, 0.0, -10e-3]])
     with pytest.raises(BodyError, match=r"contact_points: before the press a tip of the tool is already inside"):

@@ -195,7 +195,8 @@ class CondensedBody:
     def _still_triangles(self) -> Array:
         """Corners of the triangles of the whole surface whose three points are fixed (k, 3, 3), m."""
         still = np.zeros(len(self.points), dtype=bool)
-        for text in self.record.get("fixed", []):
+        regions = self.record.get("fixed", [])
+        for text in [regions] if isinstance(regions, str) else regions:
             with contextlib.suppress(BodyError):  # the name of a region of the user's own
                 still |= parse_selector(text).inside(self.points)
         return np.asarray(self.points[self.triangles[still[self.triangles].all(axis=1)]])
@@ -205,21 +206,14 @@ class CondensedBody:
 
         No material can be displaced along such a way.
         """
-        corners = self._still_triangles
-        if not len(corners):
-            return False
-        way = end - start
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        along = normal @ way
-        crossed = np.abs(along) > 1e-12 * np.linalg.norm(normal, axis=1) * max(float(np.linalg.norm(way)), 1e-300)
-        share = np.einsum("ij,ij->i", corners[:, 0] - start, normal)[crossed] / along[crossed]
-        at, corners, normal = start + share[:, None] * way, corners[crossed], normal[crossed]
-        inside = (share >= 0.0) & (share <= 1.0)
-        size = np.einsum("ij,ij->i", normal, normal)
-        for c in range(3):  # a way along an edge passes through both triangles
-            edge = np.cross(corners[:, (c + 1) % 3] - corners[:, c], at - corners[:, c])
-            inside &= np.einsum("ij,ij->i", edge, normal) >= -1e-9 * size
-        return bool(inside.any())
+        return len(_crossings(self._still_triangles, start, end)) > 0
+
+    def depth_along(self, point: Array, direction: Array) -> float:
+        """Return the way from a point (3,), m, to the surface of the body at rest along a unit vector; 0 outside."""
+        if not self.contains(point):
+            return 0.0
+        shares = _crossings(self.points[self.triangles], point, point + 2.0 * self.extent * direction)
+        return 2.0 * self.extent * float(shares.min()) if len(shares) else 0.0
 
     def on_surface(self, values: ArrayLike) -> Array:
         """Return node values (n, ...) at the vertices of `surface` (v, ...); fixed vertices have zero.
@@ -440,3 +434,19 @@ class CondensedBody:
     def _arrays(self) -> tuple[Array, Array, Array, Single]:
         nodes, normals, areas = (np.ascontiguousarray(a) for a in (self.nodes, self.normals, self.contents.areas))
         return nodes, normals, areas, np.ascontiguousarray(self.compliance)
+
+
+def _crossings(triangles: Array, start: Array, end: Array) -> Array:
+    """Return the shares, 0 to 1, of a straight way (3,) to (3,), m, at which it crosses triangles (k, 3, 3), m."""
+    way = end - start
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    along = normal @ way
+    crossed = np.abs(along) > 1e-12 * np.linalg.norm(normal, axis=1) * float(np.linalg.norm(way))
+    corners, normal, along = triangles[crossed], normal[crossed], along[crossed]
+    share = np.einsum("ij,ij->i", corners[:, 0] - start, normal) / along
+    at, size = start + share[:, None] * way, np.einsum("ij,ij->i", normal, normal)
+    inside = (share >= 0.0) & (share <= 1.0)
+    for c in range(3):  # a way along an edge crosses both triangles
+        edge = np.cross(corners[:, (c + 1) % 3] - corners[:, c], at - corners[:, c])
+        inside &= np.einsum("ij,ij->i", edge, normal) >= -1e-9 * size
+    return np.asarray(share[inside])

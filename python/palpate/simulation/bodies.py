@@ -140,6 +140,22 @@ def is_behind_fixed(trace: Recorded) -> bool:
     return any(body.is_behind_fixed(end - way, end) for end in ends)
 
 
+def depth_at_end(trace: Recorded) -> float:
+    """Return how deep the tip is below the surface of its body at rest at the end of a trace, m; 0 outside of it.
+
+    Unlike `tip_depths` it measures a flat end along its axis: near the other side of a thin body the nearest surface is
+    that one. 0 also if the body is no longer there.
+    """
+    if (found := _recorded_body(trace)) is None or (depths := tip_depths(trace, slice(-1, None))) is None:
+        return 0.0
+    scenario, choice, body = found
+    if choice.tip != "flat":
+        return float(depths[-1])
+    ends = _tip_in_body(trace, scenario, body)[-1] + tool_in_body(choice, tick_times(scenario.period, trace.time[[-1]]))
+    axis = np.array([0.0, 0.0, 1.0])
+    return max(float(depths[-1]), *(body.depth_along(end, axis) for end in ends.reshape(-1, 3)))
+
+
 def depth_without_contact(trace: Recorded) -> float:
     """Return how deep a tip that touches nothing is below the surface of its body at the end of a trace, m.
 

@@ -12,7 +12,7 @@ from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded, unfound
 from palpate.devices.reach import beyond_reach
 from palpate.fem.model_spec import LAWS
 from palpate.scenario import Scenario
-from palpate.simulation.bodies import depth_without_contact, is_behind_fixed, tip_depths
+from palpate.simulation.bodies import depth_at_end, depth_without_contact, is_behind_fixed
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.decision import (
     BAND,
@@ -282,11 +282,11 @@ def _too_deep(trace: Recorded, scenario: Scenario | None) -> str | None:
         return f"the body is pressed in by {depth:.3g} mm, through its fixed part, as no real body can be: {remedy}"
     if not body.by_distance:
         return None
-    below, radius = tip_depths(trace, slice(-1, None)), body.radius
-    if below is None or not below[-1] > radius:
+    below, radius = depth_at_end(trace), body.radius
+    if not below > radius:
         return None
     return (
-        f"the tip rests {1e3 * below[-1]:.3g} mm deep, more than its radius of {1e3 * radius:.3g} mm: contact by "
+        f"the tip rests {1e3 * below:.3g} mm deep, more than its radius of {1e3 * radius:.3g} mm: contact by "
         f"signed distance does not hold it there as a body would; {remedy}"
     )
 

@@ -289,6 +289,10 @@ def test_every_mistake_is_told_those_between_tables_too() -> None:
         ({"object.stiffness": "1 mm"}, 'settings: object.stiffness: "1 mm" is a length [m]; a stiffness is needed'),
         ({"object.stiffness": 1000}, 'write it as "1000 N/m"'),
         ({"title.size": 3}, "setting title.size: title is no table"),
+        (
+            {"object.position": [0, 0, 0], "object.position.w": 3},
+            "varies one of its three numbers as object.position.x",
+        ),
         ({"object.": 3}, "setting 'object.': a key has the form"),
         ({"obect.stiffness": "1 N/mm"}, 'settings: unknown key "obect" in the scenario; did you mean object?'),
     ],

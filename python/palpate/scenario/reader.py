@@ -68,7 +68,10 @@ def lay_settings(tables: Mapping[str, Any], settings: Mapping[str, Any]) -> dict
         for depth, part in enumerate(path, start=1):
             below = table.get(part, {})
             if not isinstance(below, Mapping):
-                raise ScenarioError(f"setting {key}: {'.'.join(path[:depth])} is no table")
+                name = ".".join(path[:depth])
+                vector = isinstance(below, (list, tuple)) and len(below) == 3
+                rest = f"; a sweep varies one of its three numbers as {name}.x, .y or .z" if vector else ""
+                raise ScenarioError(f"setting {key}: {name} is no table{rest}")
             table[part] = dict(below)
             table = table[part]
         if not all((*path, last)):

@@ -22,6 +22,12 @@ def beam() -> Body:
     return fem.build(block((LENGTH, WIDTH, HEIGHT), 4e-3), young=YOUNG, fixed="x <= 0 mm")
 
 
+@pytest.fixture(scope="module")
+def soft_beam() -> Body:
+    """Cantilever of 60 x 15 x 10 mm, 10 kPa, held at x = 0, with modes."""
+    return fem.build(block((LENGTH, 0.015, 0.01), 2.5e-3), young=1e4, fixed="x <= 0 mm", modes=20)
+
+
 def kind_of(body: Body, kind: str, friction: float) -> Body:
     """Return the body, static or relaxing, with contact by signed distance."""
     rub: dict[str, Any] = {"static_friction": friction} if friction else {}
@@ -113,23 +119,24 @@ def test_a_tip_above_a_corner_of_the_beam_is_not_lost(kind: str) -> None:
 
 @pytest.mark.filterwarnings("ignore:the forces of")
 @pytest.mark.parametrize("speed", [0.05, 0.15])
-@pytest.mark.parametrize("part", [0.25, 0.35, 0.5])
-@pytest.mark.parametrize("kind", ["elastic", "modal", "relaxing modal"])
-def test_a_flat_end_that_breaks_away_is_not_lost(kind: str, part: float, speed: float) -> None:
+@pytest.mark.parametrize(
+    ("kind", "part"),
+    [("elastic", 0.25), ("elastic", 0.35), ("elastic", 0.5), ("modal", 0.35), ("relaxing modal", 0.35)],
+)
+def test_a_flat_end_that_breaks_away_is_not_lost(soft_beam: Body, kind: str, part: float, speed: float) -> None:
     """At 150 mm/s and a third of its radius deep it was lost in the first tick of the slide, and had no force.
 
     A beam with inertia swings away from the end, with which nothing drops through it either.
     """
-    made = fem.build(block((LENGTH, 0.015, 0.01), 2.5e-3), young=1e4, fixed="x <= 0 mm", modes=20)
     relax = {"instantaneous_ratio": 2.0, "retardation_time": "50 ms"} if kind == "relaxing modal" else {}
-    swinging = made.modal(PERIOD, rayleigh_alpha=20.0, rayleigh_beta=1e-3, contact="signed_distance", **relax)
+    swinging = soft_beam.modal(PERIOD, rayleigh_alpha=20.0, rayleigh_beta=1e-3, contact="signed_distance", **relax)
     for radius in (4e-3, 6e-3):
         depth = np.concatenate([np.linspace(-1e-4, part * radius, 100), np.full(50, part * radius)])
         press = np.stack([np.full_like(depth, 0.035), np.full_like(depth, 0.0075), 0.01 - depth], axis=1)
         slide = press[-1] + np.arange(1.0, 3e-3 / (speed * PERIOD) + 1.0)[:, None] * [speed * PERIOD, 0.0, 0.0]
         path = np.vstack([press, slide, np.repeat(slide[-1:], 50, axis=0)])
         for friction in (0.5, 2.0):
-            body = made.signed_distance() if kind == "elastic" else swinging
+            body = soft_beam.signed_distance() if kind == "elastic" else swinging
             body = body.with_friction(friction, 0.8 * friction)
             felt = body.simulate_path(path, radius, tip="flat", outward=[0, 0, 1])
             assert not felt.lost.any()

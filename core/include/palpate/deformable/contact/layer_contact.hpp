@@ -23,7 +23,7 @@ class LayerContact {
 
   /// `nodes` and `patches` must outlive the contact.
   LayerContact(const SurfaceNodes& nodes, const ContactPatches& patches, DryFriction friction)
-      : nodes_(&nodes), patches_(&patches), friction_(friction, patches) {
+      : friction_(friction, patches), nodes_(&nodes), patches_(&patches) {
     if (patches.creep.delayed_ratio > 0.0) creeps_ = {LayerCreep(patches.round, patches.creep), LayerCreep(patches.flat, patches.creep)};
   }
 
@@ -169,9 +169,9 @@ class LayerContact {
     return press_points<settle, Scalar>(p.node, tip, y, creep, rubbed, overlapping_[at(p.tip)]);
   }
 
+  LayerFriction friction_;
   const SurfaceNodes* nodes_;
   const ContactPatches* patches_;
-  LayerFriction friction_;
   std::array<LayerCreep, 2> creeps_;  // of the round and the flat points, or empty
   std::array<OverlappingTips, LayerFriction::max_tips> overlapping_{};
   bool any_overlap_ = false;

@@ -51,18 +51,6 @@ class LayerContact {
 
   void begin_period() noexcept {
     for (LayerCreep& creep : creeps_) creep.begin_period();
-    any_overlap_ = false;
-  }
-  /// Find the tips that may overlap, until the next period.
-  void find_overlaps(const NearNodes& near) noexcept {
-    for (int t = 0; t < near.tip_count(); ++t) {
-      overlapping_[at(t)] = {};
-      for (int other = 0; other < near.tip_count(); ++other) {
-        if (other == t || !may_overlap(near.tip(t), near.tip(other))) continue;
-        overlapping_[at(t)].add(near.tip(other), other < t);
-        any_overlap_ = true;
-      }
-    }
   }
 
   /// Point of a place's node at rest, m.
@@ -143,17 +131,6 @@ class LayerContact {
   [[nodiscard]] bool creeps() const noexcept { return creeps_.front().active(); }
 
  private:
-  static_assert(LayerFriction::max_tips == OverlappingTips::capacity + 1);
-
-  [[nodiscard]] static std::size_t at(int i) noexcept { return static_cast<std::size_t>(i); }
-
-  /// Whether a point may lie in both tips, which press the same points. Cylinders go on without limit.
-  [[nodiscard]] static bool may_overlap(const NearNodes::Tip& one, const NearNodes::Tip& other) noexcept {
-    if (one.points != other.points || one.lost || other.lost) return false;
-    const double reach = one.shape.reach() + one.shape.length + other.shape.reach() + other.shape.length;
-    return one.shape.shape == TipGeometry::Shape::cylinder || (one.center - other.center).squaredNorm() < reach * reach;
-  }
-
   /// Creep of the layer under a tip, or null.
   [[nodiscard]] LayerCreep* creep_under(const NearNodes::Tip& tip) noexcept {
     LayerCreep& creep = creeps_[tip.points == &patches_->flat ? 1 : 0];
@@ -163,18 +140,13 @@ class LayerContact {
   /// press_points() of a place at `y` relative to its tip [m].
   template <bool settle, class Scalar = detail::FloatPack>
   PressedPoints points_at(const NearNodes::Tip& tip, const Place& p, const Vector3<>& y) noexcept {
-    LayerCreep* const creep = creep_under(tip);
-    const RubbedPoints rubbed = friction_.points(p, *tip.points);
-    if (!any_overlap_) return press_points<settle, Scalar>(p.node, tip, y, creep, rubbed);
-    return press_points<settle, Scalar>(p.node, tip, y, creep, rubbed, overlapping_[at(p.tip)]);
+    return press_points<settle, Scalar>(p.node, tip, y, creep_under(tip), friction_.points(p, *tip.points));
   }
 
   LayerFriction friction_;
   const SurfaceNodes* nodes_;
   const ContactPatches* patches_;
   std::array<LayerCreep, 2> creeps_;  // of the round and the flat points, or empty
-  std::array<OverlappingTips, LayerFriction::max_tips> overlapping_{};
-  bool any_overlap_ = false;
 };
 
 }  // namespace palpate::deformable

@@ -68,7 +68,7 @@ class LostTips {
 
  private:
   static constexpr double max_sunk = 0.3;       // of the radius: depth of the center below the nearest node's tangent plane
-  static constexpr double least_pressed = 0.2;  // of the forces: part along the normals of nodes that a flat end has not passed
+  static constexpr double least_pressed = 0.2;  // of the forces of a flat end that has not passed: part along its axis or the normals
 
   /// Whether the force of a tip falls by half or more in a tick, from one that is not much smaller than those of the last ticks: a contact
   /// that ends, or from which the body swings away, has lost most of its force before.
@@ -99,15 +99,20 @@ class LostTips {
   }
 
   /// Whether a tip has passed the nodes that it touches: it pulls them along their outward normals at rest. A flat end, which goes on
-  /// behind its end without limit, then touches them with its side: it hardly presses them along those normals.
+  /// behind its end without limit, then touches them with its side: it hardly presses them along its axis, nor along those normals.
   [[nodiscard]] bool has_passed(const NearNodes& near, int t) const noexcept {
-    const double beside = near.tip(t).shape.shape == TipGeometry::Shape::cylinder ? least_pressed : 0.0;
-    double outward = 0.0;
+    const TipGeometry& shape = near.tip(t).shape;
+    const bool flat = shape.shape == TipGeometry::Shape::cylinder;
+    double outward = 0.0, along = 0.0, all = 0.0;
     for (int k = 0; k < near.engaged(); ++k) {
       const NearNodes::Place& p = near.place(k);
-      if (p.tip == t) outward += p.force.dot(nodes_->normal(p.node)) + (beside > 0.0 ? beside * p.force.norm() : 0.0);
+      if (p.tip != t) continue;
+      outward += p.force.dot(nodes_->normal(p.node));
+      if (!flat) continue;
+      along -= p.force.dot(shape.axis);
+      all += p.force.norm();
     }
-    return outward > 0.0;
+    return outward > 0.0 || std::max(-outward, along) < least_pressed * all;
   }
 
   /// Whether a tip is under the node at `point` [m] nearest to it.

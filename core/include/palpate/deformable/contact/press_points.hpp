@@ -28,48 +28,6 @@ struct PressedPoints {
   double clearance = 0.0;               ///< signed distance of the tip from the nearest point, m
 };
 
-/// Tips that may overlap one under which points are pressed. A point is pressed by the tip in which it is deepest, alone: overlapping tips
-/// press as their union, and not each with a layer of its own.
-class OverlappingTips {
- public:
-  void add(const NearNodes::Tip& tip, bool wins_ties) noexcept { tips_[count_++] = {&tip, wins_ties}; }
-
-  /// The compression `excess` where points at `y` relative to the center of `tip` and `depth` deep in it belong to it; -1 elsewhere.
-  template <class Scalar>
-  [[nodiscard, gnu::always_inline]] Scalar share(const NearNodes::Tip& tip, const Vector3<Scalar>& y, const Vector3<Scalar>& normal,
-                                                 const Scalar& depth, Scalar excess) const noexcept {
-    using math::select;
-    for (std::size_t i = 0; i < count_; ++i) {
-      const NearNodes::Tip& other = *tips_[i].tip;
-      const Vector3<> apart = tip.center - other.center;
-      const Vector3<Scalar> at(y[0] + Scalar(apart[0]), y[1] + Scalar(apart[1]), y[2] + Scalar(apart[2]));
-      const Scalar there = other.shape.evaluate<Scalar>(at, normal).depth;
-      excess = tips_[i].wins_ties ? select(depth > there, excess, Scalar(-1.0)) : select(there > depth, Scalar(-1.0), excess);
-    }
-    return excess;
-  }
-
-  static constexpr std::size_t capacity = 7;
-
- private:
-  struct Other {
-    const NearNodes::Tip* tip = nullptr;
-    bool wins_ties = false;
-  };
-  std::array<Other, capacity> tips_{};
-  std::size_t count_ = 0;
-};
-
-/// No other tip is near: see OverlappingTips.
-struct NoOtherTips {
-  template <class Scalar>
-  [[nodiscard, gnu::always_inline]] Scalar share(const NearNodes::Tip& /*tip*/, const Vector3<Scalar>& /*y*/,
-                                                 const Vector3<Scalar>& /*normal*/, const Scalar& /*depth*/,
-                                                 const Scalar& excess) const noexcept {
-    return excess;
-  }
-};
-
 namespace detail {
 
 /// Two double-precision numbers, one register on every target: Eigen aligns no wider numbers without AVX.
@@ -114,11 +72,11 @@ template <class Scalar>
 
 /// Press the points of a node at `at` relative to the tip [m]. With `settle` record the creep of the layer at the end of the period
 /// instead; the energy is the one stored then, without LayerCreep::delayed_energy(), and there is no force. `layer` is null without creep.
-/// Points less deep than the `friction`'s depth, if that is not 0, count in proportion to their depth in `grip`. `others` are the tips that
-/// may overlap this one. `Scalar` is FloatPack or DoublePack, which cannot settle.
-template <bool settle, class Scalar = detail::FloatPack, class Others = NoOtherTips>
+/// Points less deep than the `friction`'s depth, if that is not 0, count in proportion to their depth in `grip`. `Scalar` is FloatPack or
+/// DoublePack, which cannot settle.
+template <bool settle, class Scalar = detail::FloatPack>
 PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer,
-                           const RubbedPoints& friction = {}, const Others& others = {}) noexcept {
+                           const RubbedPoints& friction = {}) noexcept {
   using math::any, math::select, math::max_of, math::min_of;
   constexpr std::size_t lanes = std::is_same_v<Scalar, detail::FloatPack> ? detail::float_lanes : detail::DoublePack::width;
   const PatchPoints& points = *tip.points;
@@ -137,7 +95,6 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
       crept = remaining * detail::read_pack<Scalar>(layer->state() + q);
       excess -= crept;
     }
-    excess = others.share(tip, y, normal, in.depth, excess);
     if constexpr (!settle) {
       if (!any(excess > Scalar(0.0))) {
         if (friction.tractions != nullptr) friction.store(q - points.begin(node), Scalar(0.0));

@@ -31,8 +31,7 @@ namespace palpate::deformable {
 /// displacements u = C F, the forces minimize one energy,
 ///   Pi(F; c) = 1/2 F.C F + sum over the points q of 1/2 kappa_q w_q max(0, depth(x_q + u - c))^2,
 /// and the force on the tip is its negative gradient by c: closed paths that begin and end free gain no work, on any mesh. The weight w
-/// falls from 1 to 0 where a point's surface looks away from the tip by 90 to 120 degrees. All tips share this energy; a point in several
-/// of them belongs to the one in which it is deepest.
+/// falls from 1 to 0 where a point's surface looks away from the tip by 90 to 120 degrees. All tips share this energy.
 ///
 /// Each iteration solves for one number per place, the change of its force along the direction of its points' resultant:
 ///   (d_i.C_ij d_j + 1/h_i) delta = right-hand side,   h_i the stiffness of the node's points in contact,
@@ -88,7 +87,6 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
     near_.look_on();
     layer_.begin_period();
     for (int t = 0; t < near_.tip_count(); ++t) lost_.check_inside(near_, layer_, t, !started_ || near_.tip(t).jump);
-    layer_.find_overlaps(near_);
     lost_.begin(near_);
     started_ = true;
     if (near_.any_flexible()) path_.begin(near_, layer_);

@@ -14,36 +14,43 @@ from palpate.units import to_si
 
 MAX_TIPS: Final = 8  # of a body's contact
 SAME_PLACE: Final = 1e-6  # m, distance of tips
+NEAREST: Final = 0.1  # of the radius: distance of a tool's tips, which press a layer each
 _PLAIN: Final = "samples"  # counted, so a plain number
 
 
-def tool_mistake(points: Sequence[Sequence[float]]) -> str:
-    """Return what is wrong with the contact points of a tool (k, 3), m; "" if nothing is."""
+def tool_mistake(points: Sequence[Sequence[float]], radius: float = 0.0) -> str:
+    """Return what is wrong with the contact points of a tool (k, 3), m, of tips with a radius, m; "" if nothing is."""
     if len(points) > MAX_TIPS:
         return f"{len(points)} points; a tool has at most {MAX_TIPS}"
     if same := same_place(points):
         return f"points {same[0]} and {same[1]} are in the same place; remove one"
+    if near := same_place(points, NEAREST * radius):
+        return (
+            f"points {near[0]} and {near[1]} are nearer than a tenth of their radius, so the body would feel stiffer, "
+            "as each presses a layer of its own; remove one"
+        )
     return ""
 
 
-def same_place(points: Sequence[Sequence[float]]) -> tuple[int, int] | None:
-    """Return the numbers, from 1 on, of two points (k, 3), m, in the same place; None if there are none."""
+def same_place(points: Sequence[Sequence[float]], least: float = SAME_PLACE) -> tuple[int, int] | None:
+    """Return the numbers, from 1 on, of two points (k, 3), m, nearer than `least`, m; None if there are none."""
     for k, point in enumerate(points):
         for other in range(k):
-            if math.dist(point, points[other]) < SAME_PLACE:
+            if math.dist(point, points[other]) < least:
                 return other + 1, k + 1
     return None
 
 
 def closest_tips(
-    open_points: Sequence[Sequence[float]], closed_points: Sequence[Sequence[float]], least: float
+    open_points: Sequence[Sequence[float]], closed_points: Sequence[Sequence[float]], least: float, radius: float
 ) -> tuple[int, int] | None:
-    """Return the numbers, from 1 on, of two tips of a gripper that meet; None if none do.
+    """Return the numbers, from 1 on, of two tips of a gripper that meet, or nearly; None if none do.
 
     Args:
         open_points: places of the tips at the opening 1 (k, 3), m.
         closed_points: the same at the opening 0; between them the tips move in proportion.
         least: smallest opening.
+        radius: of the tips, m.
     """
     for k in range(len(open_points)):
         for other in range(k):
@@ -53,7 +60,9 @@ def closest_tips(
             square = sum(x * x for x in change)
             at = -sum(a * b for a, b in zip(narrow, change, strict=True)) / square if square > 0.0 else 1.0
             at = min(max(at, least), 1.0)  # opening at which they are closest
-            if math.hypot(*(a + at * b for a, b in zip(narrow, change, strict=True))) < SAME_PLACE:
+            if math.hypot(*(a + at * b for a, b in zip(narrow, change, strict=True))) < max(
+                SAME_PLACE, NEAREST * radius
+            ):
                 return other + 1, k + 1
     return None
 

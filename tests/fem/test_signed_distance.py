@@ -283,23 +283,6 @@ def test_friction_rises_to_the_cone_and_takes_work_on_a_closed_path(body: Body) 
     assert rough.indent(AT, 8e-3, 1e-3).force == pytest.approx(body.indent(AT, 8e-3, 1e-3).force, rel=1e-6)
 
 
-@pytest.mark.parametrize(("count", "gap"), [(8, 0.0), (2, 1e-3), (4, 1e-3), (8, 6e-3 / 7)])
-@pytest.mark.parametrize("memory", [False, True])
-def test_overlapping_spheres_press_as_the_capsule_that_contains_them(
-    body: Body, memory: bool, count: int, gap: float
-) -> None:
-    """Each pressed a layer of its own: eight in one place were stiffer by half."""
-    radius = 6e-3
-    solid = body.viscoelastic("1 ms", instantaneous_ratio=2.0, retardation_time="30 ms", contact="signed_distance")
-    made = solid if memory else body
-    depth = np.concatenate([np.linspace(-2e-4, 1.5e-3, 60), np.full(100, 1.5e-3)])
-    path = np.array([0.018, 0.02, TOP + radius]) - depth[:, None] * [0.0, 0.0, 1.0]
-    beside = gap * np.arange(count)[:, None] * [1.0, 0.0, 0.0]
-    felt = made.simulate_tips(path[:, None] + beside, [radius] * count)
-    capsule = made.simulate_tips(path[:, None], [radius], segments=[beside[-1]])[0]
-    np.testing.assert_allclose(sum(tip.force for tip in felt)[1:], capsule.force[1:], atol=0.025 * capsule.force.max())
-
-
 def test_a_standard_linear_solid_relaxes_by_the_closed_form(body: Body) -> None:
     """Held at one depth: 1 + (ratio - 1) exp(-ratio t / retardation time), with the layer of the contact as well."""
     time, ratio = "0.2 s", 2.5

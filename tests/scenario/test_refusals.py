@@ -155,6 +155,9 @@ REFUSED: list[tuple[Callable[..., dict[str, Any]], dict[str, Any], str]] = [
      '"signed_distance", or contact = "signed_distance" with modal or viscoelastic'),
     (tables, {"object": body(kind="signed_distance", contact_points=["1 mm"] * 2)},
      "object.body.contact_points: points 1 and 2 are in the same place; remove one"),
+    (tables, {"object": body(kind="signed_distance", contact_points=["1 mm", "1.2 mm"])},
+     "object.body.contact_points: points 1 and 2 are nearer than a tenth of their radius, so the body would feel "
+     "stiffer, as each presses a layer of its own; remove one"),
     (tables, {"object": body(kind="viscoelastic", instantaneous_ratio=2)},
      "object.body.retardation_time is missing: viscoelastic needs it, for example retardation_time = "
      '"20 s"'),

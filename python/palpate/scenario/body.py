@@ -257,11 +257,11 @@ class BodyChoice(Section):
                     'contact_points: a tool needs the contact by signed distance; write kind = "signed_distance", or '
                     f'contact = "signed_distance" with {" or ".join(WITH_CONTACT)}'
                 )
-            if mistake := tool_mistake(self.contact_points):
+            if mistake := tool_mistake(self.contact_points, self.radius):
                 raise ValueError(f"contact_points: {mistake}")
         if self.tool is not None:
             try:
-                self.tool.check(self.contact_points)
+                self.tool.check(self.contact_points, self.radius)
             except ValueError as mistake:
                 raise ValueError(f"tool: {mistake}") from None
         for key, option in KINDS[self.kind].items():

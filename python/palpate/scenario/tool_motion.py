@@ -63,8 +63,8 @@ class ToolMotion(Section):
             raise ValueError("closed_points is missing; opening needs the contact points of the closed tool")
         return self
 
-    def check(self, open_points: Sequence[Sequence[float]]) -> None:
-        """Raise ValueError unless the motion fits a tool's points at the opening 1 (k, 3), m."""
+    def check(self, open_points: Sequence[Sequence[float]], radius: float) -> None:
+        """Raise ValueError unless the motion fits a tool's points at the opening 1 (k, 3), m; `radius` of tips, m."""
         if not open_points:
             raise ValueError("contact_points is missing; they are the tips of the tool")
         if not self.closed_points:
@@ -74,8 +74,11 @@ class ToolMotion(Section):
         least = min((row[1] for row in self.opening or ()), default=1.0)
         if self.opening is None:
             least = 0.0  # a loop may close it
-        if pair := closest_tips(open_points, self.closed_points, least):
-            raise ValueError(f"closed_points: tips {pair[0]} and {pair[1]} come to the same place; keep them apart")
+        if pair := closest_tips(open_points, self.closed_points, least, radius):
+            raise ValueError(
+                f"closed_points: tips {pair[0]} and {pair[1]} come to the same place, or nearer than a tenth of their "
+                "radius; keep them apart"
+            )
 
     def core(self, open_points: ArrayLike) -> _core.ToolMotion:
         """Return the motion for the core, of a tool's points at the opening 1 (k, 3), m."""

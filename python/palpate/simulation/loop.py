@@ -300,7 +300,7 @@ class Loop:
             rows = np.vstack([rows, [at - self.period, *rows[-1, 1:]]])
         tool = choice.tool.following(np.vstack([rows, [at, *pose]]))
         try:
-            tool.check(choice.contact_points)
+            tool.check(choice.contact_points, choice.radius)
         except ValueError as mistake:
             raise scenario.mistake("object.body.tool", str(mistake)) from None
         self._core.move_tool(pose[:3], pose[3])

@@ -446,3 +446,15 @@ def test_a_body_pressed_through_its_fixed_part_is_not_settled(block: Path, kind:
     assert trace.verdict.state is State.UNDECIDED
     assert "through its fixed part" in trace.verdict.reason
     assert certify(scenario).verdict.state is State.UNDECIDED
+
+
+def test_a_press_that_begins_on_a_beam_finds_every_force(tmp_path: Path) -> None:
+    """The first depths are below a nanometer. Their energies are rounding errors, so no tick found a force."""
+    beam = bodies.block((0.06, 0.012, 0.012), 3e-3)
+    bodies.build(beam, young=5e3, fixed="x < 0.001 mm", touch="z > 11.99 mm", output=tmp_path / "beam.h5")
+    scenario = pressed_far(tmp_path / "beam.h5", 5e-3, 5.0, kind="signed_distance")
+    scenario["object"]["body"] |= {"origin": ["52 mm", "6 mm", "12 mm"], "radius": "7 mm"}
+    trace = simulate(scenario)
+    assert trace["solved"].all()
+    assert trace["object_force"][-1, 0] != 0.0
+    assert trace.verdict.state is not State.CONTACT_LOST

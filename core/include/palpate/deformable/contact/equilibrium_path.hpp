@@ -83,6 +83,7 @@ class EquilibriumPath {
   static constexpr double smallest_part = 1.0 / 16.0;  // of a tick; a part of it is not halved further
   static constexpr double snap_reach = 0.03;           // of the radius: gap of places that take part where the contact snaps
   static constexpr double unaccounted = 0.02;          // share of energy and work by which an energy may differ from their sum
+  static constexpr double rounding = 1e-6;             // of the radius: depth whose energy is not distinguished from rounding
 
   /// The places in contact at the end of the last tick, or of a part of this one, and the energy of their forces, J.
   struct Equilibrium {
@@ -213,17 +214,18 @@ class EquilibriumPath {
   /// the tips deep in the body, has too much. After forces that were not found the balance is rough.
   [[nodiscard]] bool is_balanced(const NearNodes& near, const LayerContact& layer, const Equilibrium& before, double part,
                                  bool may_drop) const noexcept {
-    double first = 0.0, last = 0.0, rubbed = 0.0;
+    double first = 0.0, last = 0.0, rubbed = 0.0, rounded = 0.0;
     for (int k = 0; k < near.engaged(); ++k) {
       const Place& p = near.place(k);
       const Vector3<> way = part * near.way(p);
       last -= (p.force + p.traction).dot(way);
+      rounded += 0.5 * p.stiffness * std::pow(rounding * near.tip_of(p).shape.radius, 2);
       const Equilibrium::State* const s = before.find(p);
       if (s == nullptr) continue;
       first -= (s->force + s->traction).dot(way);
       rubbed += 0.5 * (p.traction + s->traction).norm() * (p.displacement - s->displacement - part * near.tip_of(p).last_move).norm();
     }
-    const double allowed = (found_ ? unaccounted : 1.0) * (before.energy + std::abs(std::max(first, last)));
+    const double allowed = (found_ ? unaccounted : 1.0) * (before.energy + std::abs(std::max(first, last))) + rounded;
     const double change = layer.energy(near) - before.energy;
     return change <= std::max(first, last) + allowed && (may_drop || change >= std::min(first, last) - rubbed - allowed);
   }

@@ -52,6 +52,7 @@ def closest_tips(
         least: smallest opening.
         radius: of the tips, m.
     """
+    nearest = max(SAME_PLACE, NEAREST * radius)
     for k in range(len(open_points)):
         for other in range(k):
             wide = [a - b for a, b in zip(open_points[k], open_points[other], strict=True)]
@@ -60,9 +61,7 @@ def closest_tips(
             square = sum(x * x for x in change)
             at = -sum(a * b for a, b in zip(narrow, change, strict=True)) / square if square > 0.0 else 1.0
             at = min(max(at, least), 1.0)  # opening at which they are closest
-            if math.hypot(*(a + at * b for a, b in zip(narrow, change, strict=True))) < max(
-                SAME_PLACE, NEAREST * radius
-            ):
+            if math.hypot(*(a + at * b for a, b in zip(narrow, change, strict=True))) < nearest:
                 return other + 1, k + 1
     return None
 

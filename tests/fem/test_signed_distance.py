@@ -219,6 +219,14 @@ def test_a_way_is_behind_the_fixed_part_if_it_crosses_it(body: Body) -> None:
         assert body.is_behind_fixed(vertex + np.array([0.0, 0.0, 0.02]), vertex - np.array([0.0, 0.0, 0.01]))
 
 
+def test_a_fixed_part_counts_under_any_name() -> None:
+    floor = bodies.Selector("the floor", lambda x: x[:, 2] < 1e-6)
+    body = bodies.build(block((0.02, 0.02, 0.01), 5e-3), young=1e4, fixed=[floor])
+    above = np.array([0.01, 0.01, 0.02])
+    assert body.is_behind_fixed(above, above - [0.0, 0.0, 0.021])
+    assert not body.is_behind_fixed(above, above - [0.0, 0.0, 0.019])
+
+
 def test_the_depth_along_an_axis_is_the_way_to_the_surface_there(body: Body) -> None:
     random = np.random.default_rng(6)
     up, aside = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -20,12 +19,12 @@ from palpate.arrays import Array, Flags, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
 from palpate.contact.pseudonormals import Pseudonormals
+from palpate.contact.simplices import area_vectors
 from palpate.fem.checks import point_of
 from palpate.fem.errors import BodyError
 from palpate.fem.layer_modulus import layer_moduli
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 from palpate.fem.multifrontal import MultifrontalSolver
-from palpate.fem.selectors import parse_selector
 from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches, given_network
 from palpate.fem.storage import BodyData, read, write
 from palpate.fem.support_changes import HELD
@@ -192,27 +191,30 @@ class CondensedBody:
         return found
 
     @cached_property
-    def _still_triangles(self) -> Array:
-        """Corners of the triangles of the whole surface whose three points are fixed (k, 3, 3), m."""
-        still = np.zeros(len(self.points), dtype=bool)
-        regions = self.record.get("fixed", [])
-        for text in [regions] if isinstance(regions, str) else regions:
-            with contextlib.suppress(BodyError):  # the name of a region of the user's own
-                still |= parse_selector(text).inside(self.points)
-        return np.asarray(self.points[self.triangles[still[self.triangles].all(axis=1)]])
+    def _surface_vertices(self) -> Indices:
+        """Mesh vertex of each surface point (s,); of springs or boundary elements the points are the first vertices."""
+        if self.is_network or len(self.contents.tetrahedra) == 0:
+            return np.arange(len(self.points))
+        return np.asarray(np.unique(self.volume.surface))
+
+    @cached_property
+    def _fixed_triangles(self) -> Indices:
+        """Triangles of the whole surface whose three points are fixed (k, 3)."""
+        fixed = self.contents.dirichlet[self._surface_vertices]
+        return np.asarray(self.triangles[fixed[self.triangles].all(axis=1)])
 
     def is_behind_fixed(self, start: Array, end: Array) -> bool:
         """Return whether the straight way from `start` to `end`, both (3,), m, crosses a fixed part of the surface.
 
         No material can be displaced along such a way.
         """
-        return len(_crossings(self._still_triangles, start, end)) > 0
+        return len(_crossings(self.points, self._fixed_triangles, start, end)) > 0
 
     def depth_along(self, point: Array, direction: Array) -> float:
         """Return the way from a point (3,), m, to the surface of the body at rest along a unit vector; 0 outside."""
         if not self.contains(point):
             return 0.0
-        shares = _crossings(self.points[self.triangles], point, point + 2.0 * self.extent * direction)
+        shares = _crossings(self.points, self.triangles, point, point + 2.0 * self.extent * direction)
         return 2.0 * self.extent * float(shares.min()) if len(shares) else 0.0
 
     def on_surface(self, values: ArrayLike) -> Array:
@@ -436,17 +438,14 @@ class CondensedBody:
         return nodes, normals, areas, np.ascontiguousarray(self.compliance)
 
 
-def _crossings(triangles: Array, start: Array, end: Array) -> Array:
-    """Return the shares, 0 to 1, of a straight way (3,) to (3,), m, at which it crosses triangles (k, 3, 3), m."""
-    way = end - start
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+def _crossings(points: Array, triangles: Indices, start: Array, end: Array) -> Array:
+    """Return the shares, 0 to 1, of a straight way (3,) to (3,), m, at which it crosses triangles (k, 3) of points."""
+    way, normal = end - start, area_vectors(points, triangles)
     along = normal @ way
     crossed = np.abs(along) > 1e-12 * np.linalg.norm(normal, axis=1) * float(np.linalg.norm(way))
-    corners, normal, along = triangles[crossed], normal[crossed], along[crossed]
+    corners, normal, along = points[triangles[crossed]], normal[crossed], along[crossed]
     share = np.einsum("ij,ij->i", corners[:, 0] - start, normal) / along
-    at, size = start + share[:, None] * way, np.einsum("ij,ij->i", normal, normal)
-    inside = (share >= 0.0) & (share <= 1.0)
-    for c in range(3):  # a way along an edge crosses both triangles
-        edge = np.cross(corners[:, (c + 1) % 3] - corners[:, c], at - corners[:, c])
-        inside &= np.einsum("ij,ij->i", edge, normal) >= -1e-9 * size
-    return np.asarray(share[inside])
+    from_at = corners - (start + share[:, None] * way)[:, None]
+    parts = np.einsum("ikj,ij->ik", np.cross(from_at, np.roll(from_at, -1, axis=1)), normal)
+    inside = parts.min(axis=1) >= -1e-9 * parts.sum(axis=1)  # a way along an edge crosses both triangles
+    return np.asarray(share[inside & (share >= 0.0) & (share <= 1.0)])

@@ -77,12 +77,10 @@ def has_known_mesh_error(trace: Recorded, row: int) -> bool:
     scenario, choice, body = found
     if not has_known_error(body.record):
         return False
-    tip = _tip_in_body(trace, scenario, body)[row]
-    centers = tip + tool_in_body(choice, tick_times(scenario.period, trace.time[[row]]))[0]
     return all(
         not unresolved(body.nodes, center, choice.radius, choice.tip)
         and (body.kind.by_distance or body.is_level(center, choice.radius))
-        for center in centers
+        for center in _tips_in_body(trace, scenario, body, np.array([row]))[0]
     )
 
 
@@ -95,8 +93,7 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
         return False
     scenario, choice, body = found
     axis = np.array([0.0, 0.0, 1.0]) if choice.tip == "flat" else None
-    times = tick_times(scenario.period, trace.time[rows])
-    centers = _tip_in_body(trace, scenario, body)[rows][:, None] + tool_in_body(choice, times)
+    centers = _tips_in_body(trace, scenario, body, rows)
     phase = support_phase(scenario, trace.time[rows])
     for number in np.unique(phase):
         still = body if body.kind.supports is None else body.in_phase(int(number))
@@ -115,8 +112,7 @@ def tip_depths(trace: Recorded, rows: slice = slice(None)) -> Array | None:
     if (found := _recorded_body(trace)) is None:
         return None
     scenario, choice, body = found
-    times = tick_times(scenario.period, trace.time[rows])
-    centers = _tip_in_body(trace, scenario, body)[rows, None] + tool_in_body(choice, times)
+    centers = _tips_in_body(trace, scenario, body, rows)
     depth = depths_at_rest(body, centers.reshape(-1, 3), 0.0 if choice.tip == "flat" else choice.radius)
     return np.asarray(depth.reshape(len(centers), -1).max(axis=1))
 
@@ -134,9 +130,8 @@ def is_behind_fixed(trace: Recorded) -> bool:
     length = float(np.linalg.norm(way))
     if not length > 0.0:
         return False
-    times = tick_times(scenario.period, trace.time[[-1]])
     reach = 0.0 if choice.tip == "flat" else choice.radius
-    ends = _tip_in_body(trace, scenario, body)[-1] + tool_in_body(choice, times)[0] + reach / length * way
+    ends = _tips_in_body(trace, scenario, body, slice(-1, None))[0] + reach / length * way
     return any(body.is_behind_fixed(end - way, end) for end in ends)
 
 
@@ -151,9 +146,9 @@ def depth_at_end(trace: Recorded) -> float:
     scenario, choice, body = found
     if choice.tip != "flat":
         return float(depths[-1])
-    ends = _tip_in_body(trace, scenario, body)[-1] + tool_in_body(choice, tick_times(scenario.period, trace.time[[-1]]))
     axis = np.array([0.0, 0.0, 1.0])
-    return max(float(depths[-1]), *(body.depth_along(end, axis) for end in ends.reshape(-1, 3)))
+    ends = _tips_in_body(trace, scenario, body, slice(-1, None))[0]
+    return max(float(depths[-1]), *(body.depth_along(end, axis) for end in ends))
 
 
 def depth_without_contact(trace: Recorded) -> float:
@@ -227,6 +222,14 @@ def _tip_in_body(trace: Recorded, scenario: Scenario, body: Body) -> Array:
     anchor = np.zeros(3) if moving else trace["tip"][0] + np.array(scenario.object.position)
     turn = Rotation.from_euler("xyz", choice.rotation).as_matrix()
     return np.asarray((touching_tip(trace) - anchor) @ turn + origin_of(choice, body))
+
+
+def _tips_in_body(trace: Recorded, scenario: Scenario, body: Body, rows: slice | Array) -> Array:
+    """Return the centers of all tips of a tool in the frame of the body at `rows` (n, k, 3), m; of one tip, k = 1."""
+    choice = scenario.object.body
+    assert choice is not None
+    times = tick_times(scenario.period, trace.time[rows])
+    return np.asarray(_tip_in_body(trace, scenario, body)[rows][:, None] + tool_in_body(choice, times))
 
 
 def touched_body(scenario: Scenario, origin: Array) -> _core.PlacedBody:

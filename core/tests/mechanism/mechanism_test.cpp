@@ -68,7 +68,7 @@ class PlainPremium : public MechanismDefaults<PlainPremium, 3> {
 
 /// A mechanism to check, with random states where it is defined.
 template <class M>
-struct Sample {
+struct RandomState {
   static M mechanism() {
     if constexpr (std::is_same_v<M, Premium>) return Premium(palpate::plant::phantom_premium_1_5a());
     return M();
@@ -105,8 +105,8 @@ TYPED_TEST(MechanismLaw, SatisfiesTheConcept) {
 
 TYPED_TEST(MechanismLaw, JacobianIsTheDerivativeOfForward) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
-  Sample<TypeParam> sample;
+  const TypeParam m = RandomState<TypeParam>::mechanism();
+  RandomState<TypeParam> sample;
   for (int n = 0; n < 100; ++n) {
     const Joints<dof> q = sample.pose();
     const auto p = m.forward(joint_variables<dof, double>(q));
@@ -117,8 +117,8 @@ TYPED_TEST(MechanismLaw, JacobianIsTheDerivativeOfForward) {
 
 TYPED_TEST(MechanismLaw, VelocityAndTorqueFollowTheJacobian) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
-  Sample<TypeParam> sample;
+  const TypeParam m = RandomState<TypeParam>::mechanism();
+  RandomState<TypeParam> sample;
   for (int n = 0; n < 100; ++n) {
     const Joints<dof> q = sample.pose();
     const Joints<dof> qd = sample.draw(10.0);
@@ -130,8 +130,8 @@ TYPED_TEST(MechanismLaw, VelocityAndTorqueFollowTheJacobian) {
 
 TYPED_TEST(MechanismLaw, GravityIsTheDerivativeOfThePotential) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
-  Sample<TypeParam> sample;
+  const TypeParam m = RandomState<TypeParam>::mechanism();
+  RandomState<TypeParam> sample;
   for (int n = 0; n < 100; ++n) {
     const Joints<dof> q = sample.pose();
     EXPECT_LT((m.potential(joint_variables<dof, double>(q)).gradient - m.gravity(q)).norm(), 1e-15);
@@ -141,8 +141,8 @@ TYPED_TEST(MechanismLaw, GravityIsTheDerivativeOfThePotential) {
 // dM/dt - 2C is skew-symmetric: the mechanism is passive.
 TYPED_TEST(MechanismLaw, MassRateLessTwiceCoriolisIsSkew) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
-  Sample<TypeParam> sample;
+  const TypeParam m = RandomState<TypeParam>::mechanism();
+  RandomState<TypeParam> sample;
   for (int n = 0; n < 200; ++n) {
     const Joints<dof> q = sample.pose();
     const Joints<dof> qd = sample.draw(10.0);
@@ -157,8 +157,8 @@ TYPED_TEST(MechanismLaw, MassRateLessTwiceCoriolisIsSkew) {
 
 TYPED_TEST(MechanismLaw, AccelerationSolvesTheEquationsOfMotion) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
-  Sample<TypeParam> sample;
+  const TypeParam m = RandomState<TypeParam>::mechanism();
+  RandomState<TypeParam> sample;
   for (int n = 0; n < 200; ++n) {
     const Joints<dof> q = sample.pose();
     const Joints<dof> qd = sample.draw(10.0);
@@ -172,8 +172,8 @@ TYPED_TEST(MechanismLaw, AccelerationSolvesTheEquationsOfMotion) {
 // A point mass at the tip adds m J^T J to the mass matrix and m J^T dJ/dt qd to the required torque, but no weight.
 TYPED_TEST(MechanismLaw, TipMassAddsItsJacobianInertia) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
-  Sample<TypeParam> sample;
+  const TypeParam m = RandomState<TypeParam>::mechanism();
+  RandomState<TypeParam> sample;
   const double mass = 0.15;
   for (int n = 0; n < 100; ++n) {
     const Joints<dof> q = sample.pose();
@@ -196,8 +196,8 @@ TYPED_TEST(MechanismLaw, TipMassAddsItsJacobianInertia) {
 // A stuck joint has no acceleration; the others move as if its row and column of M were removed.
 TYPED_TEST(MechanismLaw, StuckJointsHaveNoAcceleration) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
-  Sample<TypeParam> sample;
+  const TypeParam m = RandomState<TypeParam>::mechanism();
+  RandomState<TypeParam> sample;
   for (int n = 0; n < 100; ++n) {
     const Joints<dof> q = sample.pose();
     const Joints<dof> force = sample.draw(0.3);
@@ -221,8 +221,8 @@ TYPED_TEST(MechanismLaw, StuckJointsHaveNoAcceleration) {
 
 TYPED_TEST(MechanismLaw, InverseKinematicsReachesTheTip) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
-  Sample<TypeParam> sample;
+  const TypeParam m = RandomState<TypeParam>::mechanism();
+  RandomState<TypeParam> sample;
   for (int n = 0; n < 100; ++n) {
     const Joints<dof> q = sample.pose();
     const Vector3<> p = m.forward(q);
@@ -247,7 +247,7 @@ void smooth_step(const PlantDynamics<M, Scalar>& plant, PlantState<M::dof, Scala
 // Without friction and external forces, the energy is conserved.
 TYPED_TEST(MechanismLaw, FreeMotionConservesEnergy) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
+  const TypeParam m = RandomState<TypeParam>::mechanism();
   const PlantDynamics<TypeParam, double> plant(m, JointFriction<dof>{}, HumanArm{});
   PlantState<dof> s;
   for (int i = 0; i < dof; ++i) s.qd[i] = i % 2 == 0 ? 1.0 : -2.0;
@@ -262,7 +262,7 @@ TYPED_TEST(MechanismLaw, FreeMotionConservesEnergy) {
 // Several plants side by side compute the same as one. PlantIntegrator.LanesEqualOneLoop adds dry friction.
 TYPED_TEST(MechanismLaw, LanesEqualOneLoop) {
   constexpr int dof = TypeParam::dof;
-  const TypeParam m = Sample<TypeParam>::mechanism();
+  const TypeParam m = RandomState<TypeParam>::mechanism();
   JointFriction<dof> friction;
   friction.viscous.setConstant(0.01);
   HumanArm arm;
@@ -272,7 +272,7 @@ TYPED_TEST(MechanismLaw, LanesEqualOneLoop) {
   PlantDynamics<TypeParam, Pack<2>> both;
   std::array<PlantState<dof>, 2> s;
   PlantState<dof, Pack<2>> lanes;
-  Sample<TypeParam> sample;
+  RandomState<TypeParam> sample;
   for (int lane = 0; lane < 2; ++lane) {
     auto& state = s[static_cast<std::size_t>(lane)];
     state.q = sample.pose();
@@ -291,9 +291,9 @@ TYPED_TEST(MechanismLaw, LanesEqualOneLoop) {
 
 // The defaults give the results of the fast path.
 TEST(MechanismDefaults, EqualTheFastPathOfThePremium) {
-  const Premium fast = Sample<Premium>::mechanism();
+  const Premium fast = RandomState<Premium>::mechanism();
   const PlainPremium plain;
-  Sample<Premium> sample;
+  RandomState<Premium> sample;
   for (int n = 0; n < 200; ++n) {
     const Joints<3> q = sample.pose();
     const Joints<3> qd = sample.draw(5.0);
@@ -322,7 +322,7 @@ TEST(MechanismDefaults, SimulateThePremiumWithDryFrictionAndAnArm) {
   arm.mass = 0.15;
   arm.damping = 4.5;
   arm.stiffness = 560.0;
-  const PlantIntegrator<Premium> fast(Sample<Premium>::mechanism(), friction, arm);
+  const PlantIntegrator<Premium> fast(RandomState<Premium>::mechanism(), friction, arm);
   const PlantIntegrator<PlainPremium> plain(PlainPremium{}, friction, arm);
   PlantState<3> s, t;
   s.q = t.q = Joints<3>(0.2, 0.4, 0.6);

@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 import skfem
 from palpate.arrays import Array
+from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
-from skfem.helpers import grad
 
 from experiments.body_validation.axisymmetric import PENALTY, LayeredCylinder, SphereContact, axial
 
@@ -85,68 +85,71 @@ class NeoHookeanCylinder(LayeredCylinder):
 
 
 class Solid:
-    """Strain energy of a cylinder and its derivatives by the unknowns of a basis."""
+    """Strain energy of a cylinder and its derivatives by the unknowns of a basis.
+
+    At each quadrature point the energy is a function of the five entries (a, b, c, d, h) of the deformation gradient,
+    which are linear in the unknowns of the element.
+    """
 
     def __init__(self, cylinder: LayeredCylinder, basis: Any) -> None:
-        self.cylinder, self.basis = cylinder, basis
+        self.basis, self.dofs = basis, basis.element_dofs.T
+        r, z = basis.global_coordinates()
+        self.weight = 2.0 * np.pi * r * basis.dx
+        self.shear = cylinder.modulus(z) / (2.0 * (1.0 + cylinder.poisson))
+        self.bulk = self.shear / (1.0 - 2.0 * cylinder.poisson)  # lambda + shear modulus
+        # Derivatives of the entries by the unknowns: (elements, points, 5, unknowns of an element).
+        entries = [
+            [field.grad[0, 0], field.grad[0, 1], field.grad[1, 0], field.grad[1, 1], field[0] / r]
+            for (field,) in basis.basis
+        ]
+        self.by_unknowns = np.ascontiguousarray(np.moveaxis(np.array(entries), (2, 3, 1, 0), (0, 1, 2, 3)))
 
     def energy(self, displacement: Array) -> float:
         """Return the strain energy, J; infinity if the volume vanishes at a quadrature point."""
-        least = np.inf
-
-        def stored(w: Any) -> Any:
-            nonlocal least
-            shear, bulk, (a, b, c, d, h) = self._state(w)
-            volume = (a * d - b * c) * h
-            least = min(least, float(volume.min()))
-            square = a**2 + b**2 + c**2 + d**2 + h**2
-            density = 0.5 * shear * (square - 3.0) - shear * (volume - 1.0) + 0.5 * bulk * (volume - 1.0) ** 2
-            return 2.0 * np.pi * w.x[0] * density
-
-        total = float(skfem.Functional(stored).assemble(self.basis, moved=self.basis.interpolate(displacement)))
-        return total if least > 0.0 else np.inf
+        entries = self._entries(displacement)
+        a, b, c, d, h = entries
+        volume = (a * d - b * c) * h
+        if not volume.min() > 0.0:
+            return float(np.inf)
+        distortion = 0.5 * ((entries**2).sum(axis=0) - 3.0) - (volume - 1.0)
+        return float((self.weight * (self.shear * distortion + 0.5 * self.bulk * (volume - 1.0) ** 2)).sum())
 
     def force(self, displacement: Array) -> Array:
         """Return the gradient of the energy, N."""
-
-        def resist(v: Any, w: Any) -> Any:
-            shear, bulk, (a, b, c, d, h) = self._state(w)
-            plane, test = a * d - b * c, grad(v)
-            pressure = bulk * (plane * h - 1.0) - shear
-            sum_ = (shear * a + pressure * d * h) * test[0, 0] + (shear * b - pressure * c * h) * test[0, 1]
-            sum_ += (shear * c - pressure * b * h) * test[1, 0] + (shear * d + pressure * a * h) * test[1, 1]
-            return 2.0 * np.pi * w.x[0] * (sum_ + (shear * h + pressure * plane) * v[0] / w.x[0])
-
-        moved = self.basis.interpolate(displacement)
-        return np.asarray(skfem.LinearForm(resist).assemble(self.basis, moved=moved))
+        entries = self._entries(displacement)
+        by_volume, volume = self._volumes(entries)
+        pressure = self.bulk * (volume - 1.0) - self.shear
+        stress = self.weight * (self.shear * entries + pressure * by_volume)
+        local = np.einsum("eqki,keq->ei", self.by_unknowns, stress)
+        return np.asarray(np.bincount(self.dofs.ravel(), local.ravel(), self.basis.N), float)
 
     def tangent(self, displacement: Array) -> Any:
         """Return the second derivative of the energy, N/m."""
+        a, b, c, d, h = entries = self._entries(displacement)
+        by_volume, volume = self._volumes(entries)
+        pressure = self.bulk * (volume - 1.0) - self.shear
+        second = self.bulk * by_volume[:, None] * by_volume[None, :]
+        for (row, column), value in {(0, 3): h, (1, 2): -h, (0, 4): d, (1, 4): -c, (2, 4): -b, (3, 4): a}.items():
+            second[row, column] += pressure * value
+            second[column, row] += pressure * value
+        second[range(5), range(5)] += self.shear
+        weighted = np.moveaxis(self.weight * second, (0, 1), (2, 3))
+        local = (np.swapaxes(self.by_unknowns, 2, 3) @ (weighted @ self.by_unknowns)).sum(axis=1)
+        rows, columns = np.broadcast_arrays(self.dofs[:, :, None], self.dofs[:, None, :])
+        shape = (self.basis.N, self.basis.N)
+        return coo_matrix((local.ravel(), (rows.ravel(), columns.ravel())), shape).tocsc()
 
-        def stiff(u: Any, v: Any, w: Any) -> Any:
-            shear, bulk, (a, b, c, d, h) = self._state(w)
-            plane = a * d - b * c
-            pressure = bulk * (plane * h - 1.0) - shear
-            one, two = grad(u), grad(v)
-            hoop, other = u[0] / w.x[0], v[0] / w.x[0]
-            in_plane = a * one[1, 1] + d * one[0, 0] - b * one[1, 0] - c * one[0, 1]
-            in_other = a * two[1, 1] + d * two[0, 0] - b * two[1, 0] - c * two[0, 1]
-            twice = one[0, 0] * two[1, 1] + one[1, 1] * two[0, 0] - one[0, 1] * two[1, 0] - one[1, 0] * two[0, 1]
-            product = sum(one[i, j] * two[i, j] for i in (0, 1) for j in (0, 1)) + hoop * other
-            volumes = (in_plane * h + plane * hoop) * (in_other * h + plane * other)
-            second = h * twice + in_plane * other + hoop * in_other
-            return 2.0 * np.pi * w.x[0] * (shear * product + bulk * volumes + pressure * second)
+    def _entries(self, displacement: Array) -> Array:
+        """Return the entries (5, elements, points) of the deformation gradient."""
+        change = np.einsum("eqki,ei->keq", self.by_unknowns, displacement[self.dofs])
+        return np.asarray(np.array([1.0, 0.0, 0.0, 1.0, 1.0])[:, None, None] + change)
 
-        moved = self.basis.interpolate(displacement)
-        return skfem.BilinearForm(stiff).assemble(self.basis, moved=moved).tocsc()
-
-    def _state(self, w: Any) -> tuple[Any, Any, tuple[Any, ...]]:
-        """Return the shear modulus, lambda + shear modulus, Pa, and the deformation gradient."""
-        gradient, poisson = grad(w["moved"]), self.cylinder.poisson
-        shear = self.cylinder.modulus(w.x[1]) / (2.0 * (1.0 + poisson))
-        hoop = 1.0 + w["moved"][0] / w.x[0]
-        entries = (1.0 + gradient[0, 0], gradient[0, 1], gradient[1, 0], 1.0 + gradient[1, 1], hoop)
-        return shear, shear / (1.0 - 2.0 * poisson), entries
+    @staticmethod
+    def _volumes(entries: Array) -> tuple[Array, Array]:
+        """Return the derivatives (5, elements, points) of J by the entries, and J."""
+        a, b, c, d, h = entries
+        plane = a * d - b * c
+        return np.array([d * h, -c * h, -b * h, a * h, plane]), plane * h
 
 
 def _increments(depth: float) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from palpate import _core
 from palpate import fem as bodies
+from palpate.contact import Mesh
 from palpate.errors import PalpateError, PoseError
 from palpate.fem import Body, BodyError, BodyWarning, block
 from palpate.fem.checks import TipShape
@@ -225,6 +226,19 @@ def test_a_fixed_part_counts_under_any_name() -> None:
     above = np.array([0.01, 0.01, 0.02])
     assert body.is_behind_fixed(above, above - [0.0, 0.0, 0.021])
     assert not body.is_behind_fixed(above, above - [0.0, 0.0, 0.019])
+
+
+@pytest.mark.parametrize("elements", ["volume", "boundary"])
+def test_a_held_part_counts_as_a_fixed_one(elements: str) -> None:
+    solid, way = block((0.02, 0.02, 0.01), 5e-3), np.array([0.0, 0.0, 0.021])
+    if elements == "volume":
+        body = bodies.build(solid, young=1e4, fixed="x < 0.1 mm")
+    else:
+        used, faces = np.unique(solid.surface, return_inverse=True)
+        body = bodies.build_boundary(Mesh(solid.points[used], faces.reshape(-1, 3)), young=1e4, fixed="x < 0.1 mm")
+    above = np.array([0.012, 0.01, 0.02])
+    assert not body.is_behind_fixed(above, above - way)
+    assert body.held("z < 0.1 mm").is_behind_fixed(above, above - way)
 
 
 def test_the_depth_along_an_axis_is_the_way_to_the_surface_there(body: Body) -> None:

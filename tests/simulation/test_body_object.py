@@ -448,6 +448,17 @@ def test_a_body_pressed_through_its_fixed_part_is_not_settled(block: Path, kind:
     assert certify(scenario).verdict.state is State.UNDECIDED
 
 
+@pytest.mark.parametrize("held", [{"held": ["z < 0.1 mm"]}, {"supports": [{"at": "0.1 s", "held": ["z < 0.1 mm"]}]}])
+def test_a_body_pressed_through_a_part_that_a_support_holds_is_not_settled(
+    held: dict[str, Any], tmp_path: Path
+) -> None:
+    solid = bodies.block((0.04, 0.04, 0.02), 0.004)
+    bodies.build(solid, young=1e4, fixed="x < 0.1 mm", output=tmp_path / "block.h5")
+    trace = simulate(pressed_far(tmp_path / "block.h5", 12.0, 20.0, kind="compliance", **held))
+    assert trace.verdict.state is State.UNDECIDED
+    assert "through its fixed part" in trace.verdict.reason
+
+
 def test_a_press_that_begins_on_a_beam_finds_every_force(tmp_path: Path) -> None:
     """The first depths are below a nanometer. Their energies are rounding errors, so no tick found a force."""
     beam = bodies.block((0.06, 0.012, 0.012), 3e-3)

@@ -78,9 +78,9 @@ class Body(IndentableBody):
         Raises:
             BodyError: a region has another form or contains no contact node, or all contact nodes are held.
         """
-        meshed = len(self.contents.tetrahedra) > 0 or self.is_network
-        vertices = self.node_vertices if meshed else np.empty(0, dtype=np.int64)
-        return self._rebuild(hold(self.contents, regions, vertices), self.kind.friction)
+        return self._rebuild(
+            hold(self.contents, regions, self._surface_vertices[self.contents.nodes]), self.kind.friction
+        )
 
     def with_support_changes(
         self, changes: Sequence[SupportChange | Mapping[str, Any]] | None, period: float | str

@@ -157,7 +157,9 @@ class CondensedBody:
         """Return the geometry of the body after a number of changes of its supports: its nodes are those not held."""
         assert self.kind.supports is not None
         free = self.kind.supports.roles(self.nodes)[number] != HELD
-        return CondensedBody(replace(self.contents, nodes=self.contents.nodes[free]))
+        fixed = self.contents.dirichlet.copy()
+        fixed[self._surface_vertices[self.contents.nodes[~free]]] = True
+        return CondensedBody(replace(self.contents, nodes=self.contents.nodes[free], dirichlet=fixed))
 
     def overlaps_fixed(self, centers: Array, radius: float, axis: Array | None = None) -> Flags:
         """Return whether a rigid tip at each of `centers` (m, 3), m, overlaps the fixed or held contact surface (m,).

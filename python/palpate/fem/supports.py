@@ -34,7 +34,7 @@ def hold(contents: BodyData, regions: str | Selector | Sequence[str | Selector],
     Args:
         contents: of the body.
         regions: see `palpate.fem.parse_selector`.
-        vertices: mesh vertex of each contact node (n,); empty for a body without a volume mesh.
+        vertices: mesh vertex of each contact node (n,).
 
     Raises:
         BodyError: no contact node or all of them are held, or the compliance of the held nodes is singular. Or the body
@@ -59,8 +59,7 @@ def hold(contents: BodyData, regions: str | Selector | Sequence[str | Selector],
         return contents
     keep = ~held
     fixed = contents.dirichlet.copy()
-    if len(vertices):
-        fixed[vertices[held]] = True
+    fixed[vertices[held]] = True
     modes, yielding = _held_modes(contents, held)
     return replace(
         contents,

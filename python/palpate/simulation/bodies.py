@@ -29,6 +29,7 @@ from palpate.simulation.tool_motion import step_body, tick_times, tool_in_body
 
 if TYPE_CHECKING:
     from palpate.fem import Body
+    from palpate.fem.condensed_body import CondensedBody
 
 Tell = Callable[[str, float], None]
 _FEW = 3  # nodes of a body that stands for a spring: its extent tells nothing of a tip
@@ -96,8 +97,7 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
     centers = _tips_in_body(trace, scenario, body, rows)
     phase = support_phase(scenario, trace.time[rows])
     for number in np.unique(phase):
-        still = body if body.kind.supports is None else body.in_phase(int(number))
-        if still.overlaps_fixed(centers[phase == number].reshape(-1, 3), choice.radius, axis).any():
+        if _in_phase(body, number).overlaps_fixed(centers[phase == number].reshape(-1, 3), choice.radius, axis).any():
             return True
     return False
 
@@ -118,7 +118,7 @@ def tip_depths(trace: Recorded, rows: slice = slice(None)) -> Array | None:
 
 
 def is_behind_fixed(trace: Recorded) -> bool:
-    """Return whether a trace's body is pressed in, at its end, through a part of its surface that is fixed.
+    """Return whether a trace's body is pressed in, at its end, through a part of its surface that is fixed or held.
 
     No body can be; one of small strains yields on, whatever its thickness. False also if the body is no longer there.
     """
@@ -132,7 +132,8 @@ def is_behind_fixed(trace: Recorded) -> bool:
         return False
     reach = 0.0 if choice.tip == "flat" else choice.radius
     ends = _tips_in_body(trace, scenario, body, slice(-1, None))[0] + reach / length * way
-    return any(body.is_behind_fixed(end - way, end) for end in ends)
+    still = _in_phase(body, support_phase(scenario, trace.time[-1:])[0])
+    return any(still.is_behind_fixed(end - way, end) for end in ends)
 
 
 def depth_at_end(trace: Recorded) -> float:
@@ -207,6 +208,11 @@ def _recorded_body(trace: Recorded) -> tuple[Scenario, BodyChoice, Body] | None:
         return scenario, choice, scenario_body(scenario)
     except PalpateError:
         return None
+
+
+def _in_phase(body: Body, number: int) -> CondensedBody:
+    """Return a body's geometry after a number of changes of its supports."""
+    return body if body.kind.supports is None else body.in_phase(int(number))
 
 
 def _is_there(choice: BodyChoice) -> bool:

@@ -81,16 +81,19 @@ class ModalMotion final : public BodyMotion {
   }
 
   [[nodiscard]] Vector3<> free_displacement(std::int32_t node) const noexcept override {
-    detail::FloatPack sum[3];
+    detail::FloatPack sum[3][unrolled];  // the processor adds to several at once
     const detail::FloatPack *q = detail::as_packs(next_free_.data()->value.data()), *x = detail::as_packs(row(node, 0)),
                             *y = detail::as_packs(row(node, 1)), *z = detail::as_packs(row(node, 2));
-    const int n = detail::in_packs(static_cast<int>(stride_));
-    for (int k = 0; k < n; ++k) {
-      sum[0] += x[k] * q[k];
-      sum[1] += y[k] * q[k];
-      sum[2] += z[k] * q[k];
-    }
-    const auto sums = detail::sums_of(sum[0], sum[1], sum[2], detail::FloatPack());
+    const std::size_t n = stride_ / detail::float_lanes;
+    for (std::size_t k = 0; k < n; k += unrolled)
+      for (std::size_t i = 0; i < unrolled; ++i) {
+        sum[0][i] += x[k + i] * q[k + i];
+        sum[1][i] += y[k + i] * q[k + i];
+        sum[2][i] += z[k + i] * q[k + i];
+      }
+    for (auto& parts : sum)
+      for (std::size_t i = 1; i < unrolled; ++i) parts[0] += parts[i];
+    const auto sums = detail::sums_of(sum[0][0], sum[1][0], sum[2][0], detail::FloatPack());
     return {sums[0], sums[1], sums[2]};
   }
 
@@ -101,23 +104,9 @@ class ModalMotion final : public BodyMotion {
   [[nodiscard]] bool costly() const noexcept override { return true; }
 
   double advance(const Period& period) noexcept override {
-    float* const push = modal_force_.data()->value.data();
-    const int n = detail::in_packs(static_cast<int>(stride_));
-    for (int k = 0; k < n; k += unrolled) {
-      detail::FloatPack sum[unrolled];
-      for (int c = 0; c < period.count; ++c)
-        for (int a = 0; a < 3; ++a) {
-          const detail::FloatPack* shape = detail::as_packs(row(period.nodes[c], a)) + k;
-          const detail::FloatPack force = period.forces[c][a];
-          for (int i = 0; i < unrolled; ++i) sum[i] += force * shape[i];
-        }
-      for (int i = 0; i < unrolled; ++i) detail::as_packs(push)[k + i] = sum[i];
-    }
-    const double modal_work = (transition_[3] * Eigen::Map<const Eigen::ArrayXf>(push, omega2_.size()).cast<double>().square()).sum();
-    step_modes(push);
-    double twice = (state_[1].square() + omega2_ * state_[0].square()).sum();
-    if (ratio_ > 1.0) twice += (ratio_ - 1.0) * (omega2_ * (state_[0] - state_[2]).square()).sum();
-    return 0.5 * (twice + period.compliance_work - modal_work);
+    gather(period);
+    const double twice = ratio_ > 1.0 ? step_modes<true>() : step_modes<false>();
+    return 0.5 * (twice + period.compliance_work);
   }
 
   void reset() noexcept override {
@@ -156,7 +145,7 @@ class ModalMotion final : public BodyMotion {
  private:
   using Values = Eigen::ArrayXd;
   static constexpr std::size_t lanes = 16;  // modes are padded to a multiple of it
-  static constexpr int unrolled = static_cast<int>(lanes) / detail::float_lanes;
+  static constexpr std::size_t unrolled = lanes / detail::float_lanes;
 
   [[nodiscard]] static Vector3<> counted(const Vector3<>& normal, const Vector3<>& v, double sideways) {
     return sideways * v + (1.0 - sideways) * normal.dot(v) * normal;
@@ -168,19 +157,66 @@ class ModalMotion final : public BodyMotion {
     return shapes_.data()->value.data() + (3 * static_cast<std::size_t>(i) + static_cast<std::size_t>(a)) * stride_;
   }
 
-  /// Advance the modes under the modal forces `push`.
-  void step_modes(const float* push) noexcept {
-    const bool creeps = ratio_ > 1.0;
-    float* const free = next_free_.data()->value.data();
-    for (Eigen::Index k = 0; k < omega2_.size(); ++k) {
-      const double f = static_cast<double>(push[k]), q = state_[0][k], v = state_[1][k], z = creeps ? state_[2][k] : 0.0;
-      state_[0][k] = flush_denormal(transition_[0][k] * q + transition_[1][k] * v + transition_[2][k] * z + transition_[3][k] * f);
-      state_[1][k] = flush_denormal(transition_[4][k] * q + transition_[5][k] * v + transition_[6][k] * z + transition_[7][k] * f);
-      if (creeps)
-        state_[2][k] = flush_denormal(transition_[8][k] * q + transition_[9][k] * v + transition_[10][k] * z + transition_[11][k] * f);
-      free[k] = static_cast<float>(transition_[0][k] * state_[0][k] + transition_[1][k] * state_[1][k] +
-                                   (creeps ? transition_[2][k] * state_[2][k] : 0.0));
+  /// Set the modal forces to those of a period.
+  void gather(const Period& period) noexcept {
+    const std::size_t n = stride_ / detail::float_lanes;
+    std::size_t k = 0;
+    for (; k + 4 * unrolled <= n; k += 4 * unrolled) gather<4 * unrolled>(period, k);
+    for (; k < n; k += unrolled) gather<unrolled>(period, k);
+  }
+  /// The same in the registers `first` to first + count - 1.
+  template <std::size_t count>
+  void gather(const Period& period, std::size_t first) noexcept {
+    detail::FloatPack sum[count];
+    for (int c = 0; c < period.count; ++c)
+      for (int a = 0; a < 3; ++a) {
+        const detail::FloatPack* shape = detail::as_packs(row(period.nodes[c], a)) + first;
+        const detail::FloatPack force = period.forces[c][a];
+        for (std::size_t i = 0; i < count; ++i) sum[i] += force * shape[i];
+      }
+    for (std::size_t i = 0; i < count; ++i) detail::as_packs(modal_force_.data()->value.data())[first + i] = sum[i];
+  }
+
+  /// Advance the modes under the modal forces. Return twice their energy at the end, less the forces' work in their response within the
+  /// period, J.
+  template <bool creeps>
+  double step_modes() noexcept {
+    const double ratio = ratio_;
+    std::array<double, lanes> sum{};
+    for (std::size_t first = 0; first < stride_; first += lanes) {
+      const float* const push = modal_force_.data()->value.data() + first;
+      float* const free = next_free_.data()->value.data() + first;
+      const auto at = [first](Values& values) { return values.data() + first; };
+      std::array<const double*, 12> by{};
+      for (std::size_t i = 0; i < by.size(); ++i) by[i] = at(transition_[i]);
+      const double* const omega2 = at(omega2_);
+      double *const value = at(state_[0]), *const velocity = at(state_[1]), *const dashpot = at(state_[2]);
+      // Into arrays of their own: the compiler knows that no other array overlaps them, and vectorizes.
+      std::array<double, lanes> next_q, next_v, next_z, rest;
+      for (std::size_t l = 0; l < lanes; ++l) {
+        const double f = static_cast<double>(push[l]), q = value[l], v = velocity[l], z = creeps ? dashpot[l] : 0.0;
+        const auto next = [&](std::size_t i) {
+          const double elastic = by[i][l] * q + by[i + 1][l] * v;
+          return flush_denormal((creeps ? elastic + by[i + 2][l] * z : elastic) + by[i + 3][l] * f);
+        };
+        next_q[l] = next(0);
+        next_v[l] = next(4);
+        next_z[l] = creeps ? next(8) : 0.0;
+        rest[l] = by[0][l] * next_q[l] + by[1][l] * next_v[l];
+        if (creeps) rest[l] += by[2][l] * next_z[l];
+        const double bent = next_q[l] * next_q[l] + (creeps ? (ratio - 1.0) * ((next_q[l] - next_z[l]) * (next_q[l] - next_z[l])) : 0.0);
+        sum[l] += next_v[l] * next_v[l] + omega2[l] * bent - by[3][l] * (f * f);
+      }
+      for (std::size_t l = 0; l < lanes; ++l) {
+        value[l] = next_q[l];
+        velocity[l] = next_v[l];
+        if (creeps) dashpot[l] = next_z[l];
+        free[l] = static_cast<float>(rest[l]);
+      }
     }
+    double total = 0.0;
+    for (const double part : sum) total += part;
+    return total;
   }
 
   /// Flush values below 1e-34 to zero: denormal numbers of decayed modes would slow the tick down.

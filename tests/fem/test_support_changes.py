@@ -294,3 +294,14 @@ def test_friction_continues_over_a_grasp(coarse: Body) -> None:
     assert np.linalg.norm(held.force[95] - free.force[95]) < 2e-3 * np.linalg.norm(free.force[95])
     assert np.linalg.norm(held.friction[95] - free.friction[95]) < 1e-2 * np.linalg.norm(free.friction[95])
     assert np.linalg.norm(held.friction[-1]) > 1.002 * np.linalg.norm(free.friction[-1])
+
+
+def test_a_grasp_at_rest_holds_the_nodes_of_any_selector() -> None:
+    """The text of a half space rounds its plane, and one of the user's own has no text that says where it is."""
+    body = fem.build(fem.block((0.04, 0.04, 0.02), 0.04 / 6), young=1e4, fixed="z < 0.1 mm", touch="z > 19.9 mm")
+    path = np.array([0.024, 0.02, 0.028]) + np.linspace(1e-3, -2.5e-3, 60)[:, None] * [0.0, 0.0, 1.0]
+    jaw = fem.Selector("jaw", lambda x: (x[:, 0] < 14e-3) & (x[:, 1] < 21e-3))
+    for region in (fem.half_space("x", "<=", 0.04 / 3), jaw):
+        held = body.signed_distance().held(region).simulate_path(path, 8e-3).force
+        changed = body.signed_distance().with_support_changes([{"at": "1 ms", "held": region}], "1 ms")
+        assert changed.simulate_path(path, 8e-3).force == pytest.approx(held, abs=1e-6 * np.abs(held).max())

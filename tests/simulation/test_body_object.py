@@ -459,6 +459,58 @@ def test_a_body_pressed_through_a_part_that_a_support_holds_is_not_settled(
     assert "through its fixed part" in trace.verdict.reason
 
 
+def held_below(**body: Any) -> dict[str, Any]:
+    """An arm presses with 1.5 N on a block whose surface is held around the tip."""
+    shape = {"shape": "block", "size": ["40 mm", "40 mm", "20 mm"], "spacing": "4 mm", "young": "20 kPa"}
+    push = {"shape": "ramp", "rise": "0.2 s", "force": ["0 N", "0 N", "-1.5 N"]}
+    touched = {"kind": "signed_distance", "radius": "8 mm", **shape, **body}
+    return {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": POSE},
+        "servo": {"topology": "impedance_display"},
+        "operator": {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m", **push},
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-8.2 mm"], "body": touched},
+        "run": {"duration": "1.5 s"},
+    }
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"held": ["sphere 20 20 20 radius 8 mm"], "spacing": "5 mm"},
+        {"supports": [{"at": "10 ms", "held": ["sphere 20 20 20 radius 12 mm"]}, {"at": "0.8 s", "held": []}]},
+    ],
+)
+def test_a_tip_in_a_body_that_grazes_a_node_is_not_settled(body: dict[str, Any]) -> None:
+    """It was settled 7 mm deep, on one node with less than 2 mN of the 1.5 N, and certified stable."""
+    trace = simulate(held_below(**body))
+    assert np.linalg.norm(trace["object_force"][-1]) < 2e-3
+    assert trace["touching"][-1, 0] > 0.0
+    assert trace.verdict.state is State.UNDECIDED
+    assert "deep in the body, which yields by" in trace.verdict.reason
+    assert certify(held_below(**body)).verdict.state is State.UNDECIDED
+
+
+def test_a_tip_that_leaves_one_body_of_a_scene_inside_has_lost_it() -> None:
+    """It rests on the wall below: settled, where the body alone said contact lost."""
+    tables_ = held_below(held=["sphere 20 20 20 radius 12 mm"])
+    body = tables_.pop("object")
+    wall = {"kind": "wall", "normal": [0, 0, 1], "stiffness": "0.5 N/mm", "position": ["0 mm", "0 mm", "-5 mm"]}
+    trace = simulate({**tables_, "objects": {"one": body, "two": wall}})
+    assert trace["two_touching"][-1, 0] > 0.0
+    assert trace.verdict.state is State.CONTACT_LOST
+
+
+def test_the_depth_beside_the_touched_part_is_that_below_the_whole_surface() -> None:
+    shape = bodies.block((0.04, 0.04, 0.02), 5e-3)
+    body = bodies.build(shape, young=1e4, fixed="z < 0.1 mm", touch="box 0 0 19.9 to 15 40 21 mm")
+    whole = bodies.build(shape, young=1e4, fixed="z < 0.1 mm", touch="z > 19.9 mm")
+    centers = np.array(
+        [[x, 0.02, z] for x in (5e-3, 14e-3, 16e-3, 22e-3, 35e-3) for z in (0.015, 0.0185, 0.021, 0.026)]
+    )
+    assert depths_at_rest(body, centers, 4e-3) == pytest.approx(depths_at_rest(whole, centers, 4e-3), abs=1e-12)
+
+
 def test_a_press_that_begins_on_a_beam_finds_every_force(tmp_path: Path) -> None:
     """The first depths are below a nanometer. Their energies are rounding errors, so no tick found a force."""
     beam = bodies.block((0.06, 0.012, 0.012), 3e-3)

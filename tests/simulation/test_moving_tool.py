@@ -171,6 +171,25 @@ def test_the_stability_of_a_gripper_is_that_of_its_last_pose(ridge: Path) -> Non
         contact_stability(moved, 200)
 
 
+def test_a_gripper_whose_tips_pass_into_each_other_is_undecided(ridge: Path) -> None:
+    """Spheres of 7 mm, 14.4 and 13.2 mm apart at the end."""
+    for half, state in ((7.2, State.SETTLED), (6.6, State.UNDECIDED)):
+        closed = tuple((f"{sign * half} mm", "0 mm", "-2 mm") for sign in (-1, 1))
+        tool = {"closed_points": closed, "opening": (("0.1 s", 1), ("0.4 s", 0))}
+        verdict = run(ridge, tool, static_friction=0.6, radius="7 mm").verdict
+        assert verdict.state is state
+        assert state is State.SETTLED or "the tips 1 and 2 overlap by 0.8 mm" in verdict.reason
+
+
+def test_a_grip_without_friction_has_no_certificate(ridge: Path) -> None:
+    """It named a limit of stiffness, beyond which the loop did not oscillate, and a negative stiffness."""
+    tool = {"closed_points": CLOSED, "opening": (("0.1 s", 1), ("0.3 s", 0))}
+    slippery, rough = (certify(tables(ridge, tool, static_friction=mu)) for mu in (0.0, 0.6))
+    assert slippery.verdict.state is State.UNDECIDED
+    assert "the tips press against each other" in slippery.verdict.reason
+    assert rough.verdict.state is State.STABLE
+
+
 def test_the_pressure_under_a_moved_tool_is_that_of_its_forces(ridge: Path) -> None:
     trace = run(ridge, MOVES[2])
     body = pressed_at(trace, -1).body

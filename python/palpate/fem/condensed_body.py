@@ -124,6 +124,11 @@ class CondensedBody:
         return Mesh(self.points[used], faces.reshape(-1, 3), open=True, repair=False)
 
     @cached_property
+    def whole_surface(self) -> Mesh:
+        """The whole surface at rest as a mesh."""
+        return Mesh(self.points, self.triangles, open=True, repair=False)
+
+    @cached_property
     def _pseudonormals(self) -> Pseudonormals:
         """Normals of the contact surface."""
         return Pseudonormals(self.surface.vertices, self.surface.triangles)

@@ -30,8 +30,8 @@ class SupportChange(NamedTuple):
     """
 
     at: float
-    held: tuple[str, ...] | None = None
-    touchable: tuple[str, ...] | None = None
+    held: tuple[str | Selector, ...] | None = None
+    touchable: tuple[str | Selector, ...] | None = None
 
     @classmethod
     def of(cls, given: SupportChange | Mapping[str, Any]) -> Self:
@@ -47,7 +47,7 @@ class SupportChange(NamedTuple):
             raise BodyError('supports: at is missing; write for example at = "1 s"')
         return cls(
             not_negative(given["at"], "s", "at"),
-            *(None if given.get(key) is None else _texts(given[key]) for key in ("held", "touchable")),
+            *(None if given.get(key) is None else _listed(given[key]) for key in ("held", "touchable")),
         )
 
 
@@ -100,7 +100,7 @@ class SupportPlan(NamedTuple):
         return np.array(rows)
 
 
-def inside(regions: Sequence[str], nodes: Array, key: str) -> Flags:
+def inside(regions: Sequence[str | Selector], nodes: Array, key: str) -> Flags:
     """Return whether each of the nodes (n, 3), m, lies in a region (n,); raise BodyError if one contains none."""
     found = np.zeros(len(nodes), dtype=bool)
     try:
@@ -119,7 +119,7 @@ def _roles(held: Flags, touchable: Flags) -> Roles:
     return np.where(held, HELD, np.where(touchable, TOUCHED, DEFORMS)).astype(np.uint8)
 
 
-def _texts(regions: Regions) -> tuple[str, ...]:
+def _listed(regions: Regions) -> tuple[str | Selector, ...]:
     if not isinstance(regions, str | Selector | Sequence):
         raise BodyError(f'supports: regions are text such as "x < 1 mm", or a list of it, not {regions!r}')
-    return tuple(map(str, [regions] if isinstance(regions, str | Selector) else regions))
+    return (regions,) if isinstance(regions, str | Selector) else tuple(regions)

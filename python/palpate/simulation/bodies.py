@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from palpate import _core
 from palpate import fem as bodies
-from palpate.arrays import Array
+from palpate.arrays import Array, Flags
+from palpate.contact import Mesh
 from palpate.contact.simplices import area_vectors
 from palpate.errors import OutputError, PalpateError, ScenarioError
 from palpate.fem.contact_accuracy import has_known_error, unresolved
@@ -36,6 +37,8 @@ _FEW = 3  # nodes of a body that stands for a spring: its extent tells nothing o
 _DENTED = 10.0  # retardation times after a contact in which a body may keep a dent
 _BORDER = 1e-6  # of a face: barycentric coordinate below which a point is on its edge
 _SLIGHT = 0.01  # of the radius of a tip: depth below the surface that does not count
+_DEEP = 0.1  # of the radius of a tip: depth from which on the body must yield
+_LEAST_YIELD = 0.3  # of the depth of a tip: mean displacement of a body that it presses; it was 0.54 and more
 _MAKING = 3  # version of the construction; a new one invalidates cached bodies
 
 
@@ -168,6 +171,20 @@ def depth_without_contact(trace: Recorded) -> float:
     return float(depth[0]) if depth[0] > _SLIGHT * choice.radius else 0.0
 
 
+def depth_in_unmoved_body(trace: Recorded) -> float:
+    """Return how deep a tip that touches a body without displacing it is below its surface at the end of a trace, m.
+
+    It is 0 if the body yields by three tenths of the depth, and below a tenth of the radius. Such a tip is where the
+    surface is held or not touched, or between the nodes, and meets nodes beside it. Of several tips it is not known: 0.
+    """
+    if (found := _recorded_body(trace)) is None or not trace["touching"][-1, 0] > 0.0:
+        return 0.0
+    if len(found[1].contact_points) > 1:  # displacements under tips that press against each other cancel
+        return 0.0
+    depth, moved = depth_at_end(trace), float(np.linalg.norm(trace["deflection"][-1]))
+    return depth if depth > _DEEP * found[1].radius and moved < _LEAST_YIELD * depth else 0.0
+
+
 def depths_at_rest(body: Body, centers: Array, radius: float) -> Array:
     """Return how deep spheres are below the surface of a body at rest (n,), m; 0 outside of it.
 
@@ -176,15 +193,35 @@ def depths_at_rest(body: Body, centers: Array, radius: float) -> Array:
         centers: of the spheres (n, 3), m, body frame.
         radius: of the spheres, m.
     """
-    nearest, faces = body.surface.nearest(centers)
-    normals = area_vectors(body.surface.vertices, body.surface.triangles[faces])
+    depth, beyond = _depths(body, body.surface, centers, radius)
+    if beyond.any():  # the touched part of the surface ends there, the body does not
+        depth[beyond] = _depths(body, body.whole_surface, centers[beyond], radius)[0]
+    return depth
+
+
+def _depths(body: Body, surface: Mesh, centers: Array, radius: float) -> tuple[Array, Flags]:
+    """Return the depths (n,), m, below a part of the surface, and whether it is nearest at its border (n,)."""
+    nearest, faces = surface.nearest(centers)
+    triangles = surface.triangles[faces]
+    normals = area_vectors(surface.vertices, triangles)
     distance = np.linalg.norm(centers - nearest, axis=1)
     inside = np.einsum("ij,ij->i", centers - nearest, normals) <= 0.0
-    corners = body.surface.vertices[body.surface.triangles[faces]] - nearest[:, None]
+    corners = surface.vertices[triangles] - nearest[:, None]
     parts = np.einsum("ikj,ij->ik", np.cross(corners, np.roll(corners, -1, axis=1)), normals)
-    border = parts.min(axis=1) < _BORDER * parts.sum(axis=1)  # on an edge the normal of one face does not tell
-    inside[border] = [body.contains(center) for center in centers[border]]
-    return np.asarray(np.maximum(radius + np.where(inside, distance, -distance), 0.0))
+    apart = parts < _BORDER * parts.sum(axis=1, keepdims=True)  # on the edge between a corner and the next one
+    edge = apart.any(axis=1)  # there the normal of one face does not tell
+    inside[edge] = [body.contains(center) for center in centers[edge]]
+    beyond = edge & (np.roll(apart, 2, axis=1) | _at_border(surface)[triangles]).all(axis=1)
+    return np.maximum(radius + np.where(inside, distance, -distance), 0.0), beyond
+
+
+def _at_border(surface: Mesh) -> Flags:
+    """Return whether each vertex (v,) is at the border of an open surface."""
+    edges = np.sort(surface.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    different, count = np.unique(edges, axis=0, return_counts=True)
+    found = np.zeros(len(surface.vertices), dtype=bool)
+    found[different[count == 1]] = True
+    return found
 
 
 def surface_normal(trace: Recorded, row: int) -> Array | None:

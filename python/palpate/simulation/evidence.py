@@ -18,7 +18,7 @@ from palpate.simulation.decision import BAND, FLOOR, GROWING, STILL, Evidence
 from palpate.simulation.energy_balance import energy_balance, own_motions
 from palpate.simulation.friction_hold import arm_spring, friction_hold, friction_of
 from palpate.simulation.linear_evidence import linear_sign
-from palpate.simulation.recorded import Recorded, held_tip, of_each_object, without_trend
+from palpate.simulation.recorded import Recorded, each_recorded, held_tip, of_each_object, without_trend
 from palpate.simulation.statics import force_over_stiffness, presses, steady_error
 from palpate.simulation.windows import Window
 
@@ -86,8 +86,10 @@ def evidence(
     late = largest(last - fifth, last)
     deflection = trace["deflection"] if "deflection" in trace else tip - tip[0]
     touching = trace["touching"][:, 0] > 0.0
-    body, off = scenario is not None and _has_body(scenario), not touching[window.part(3, 5)].any()
-    lost = pushed_through(trace) is not None or (body and off and depth_without_contact(trace) > 0.0)
+    body = scenario is not None and _has_body(scenario)
+    lost = pushed_through(trace) is not None or (
+        body and any(_left_inside(one, window) for one in each_recorded(trace))
+    )
     swings = [swing(trace.time[rows], tip[rows]) for rows in (window.part(k, k + 1) for k in range(1, 5))]
     deep = float(np.linalg.norm(deflection[ending].mean(axis=0)))
     rounded = swings[-1] <= ROUNDING * deep and body
@@ -117,6 +119,12 @@ def evidence(
         kept=kept,
         **(known | {"pressed": lost or known.get("pressed", False)}),
     )
+
+
+def _left_inside(trace: Recorded, window: Window) -> bool:
+    """Return whether a tip touches a body no longer and ends in it."""
+    touching = trace["touching"][window.part(3, 5), 0] > 0.0
+    return not touching.any() and depth_without_contact(trace) > 0.0
 
 
 def _has_body(scenario: Scenario) -> bool:

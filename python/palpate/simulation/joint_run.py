@@ -17,6 +17,7 @@ from palpate.simulation.evidence import resolution
 from palpate.simulation.loop import Loop
 from palpate.simulation.recorded import external_forces
 from palpate.simulation.shared_body import SharedBody
+from palpate.simulation.tool_motion import overlapping
 from palpate.simulation.trace import Trace, describe_channel
 from palpate.simulation.trace_export import Channel
 from palpate.simulation.user_object import ContactResult
@@ -37,17 +38,19 @@ class JointRun:
         contacts: of each tip, in the body's frame; a row for each tick.
         tips: as the servo read them in each tick, each in its device's frame (m, k, 3), m.
         solved: whether the forces of all tips were found in each tick (m,).
+        overlap: why the run says nothing of real tips: two of them overlap at its end; None if none do.
     """
 
     traces: tuple[Trace, ...]
     contacts: tuple[ContactHistory, ...]
     tips: Array = field(default_factory=lambda: np.zeros((0, 0, 3)), repr=False)
     solved: Flags = field(default_factory=lambda: np.zeros(0, dtype=bool), repr=False)
+    overlap: str | None = None
 
     @property
     def settled(self) -> bool:
-        """Whether every device has settled."""
-        return all(trace.verdict.settled for trace in self.traces)
+        """Whether every device has settled, and no two tips overlap."""
+        return self.verdict.settled
 
     @property
     def verdict(self) -> Verdict:
@@ -57,6 +60,8 @@ class JointRun:
         """
         each = [(number, trace.verdict) for number, trace in enumerate(self.traces, 1)]
         bad = [one for one in each if one[1].state in FAILED] or [one for one in each if not one[1].settled]
+        if not bad and self.overlap is not None:
+            return Verdict(State.UNDECIDED, self.overlap)
         if not bad:
             return Verdict(State.SETTLED, "all devices rest")
         state = bad[0][1].state
@@ -116,7 +121,10 @@ def simulate_together(scenarios: Sequence[Scenario | Mapping[str, Any] | str | P
     solved = np.asarray((found[:, :, SOLVED] > 0.0).all(axis=1), dtype=bool)
     found[:, :, SOLVED] = 1.0  # where they were not, the traces say so
     contacts = tuple(ContactHistory.of(found[:, tip]) for tip in range(len(loops)))
-    return JointRun(traces, contacts, tips, solved)
+    pair = overlapping(shared.in_body(tips[-1:])[0], shared.radii)
+    return JointRun(
+        traces, contacts, tips, solved, pair and f"the tips of devices {pair}: press less, or farther apart"
+    )
 
 
 def _counts(loop: Loop) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -12,7 +13,13 @@ from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded, unfound
 from palpate.devices.reach import beyond_reach
 from palpate.fem.model_spec import LAWS
 from palpate.scenario import Scenario
-from palpate.simulation.bodies import depth_at_end, depth_without_contact, is_behind_fixed
+from palpate.simulation.bodies import (
+    depth_at_end,
+    depth_in_unmoved_body,
+    depth_without_contact,
+    is_behind_fixed,
+    overlaps_fixed,
+)
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.decision import (
     BAND,
@@ -31,9 +38,16 @@ from palpate.simulation.decision import (
 from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
-from palpate.simulation.recorded import Recorded, external_forces, held_tip, of_each_object, recorded_scenario
+from palpate.simulation.recorded import (
+    Recorded,
+    each_recorded,
+    external_forces,
+    held_tip,
+    of_each_object,
+    recorded_scenario,
+)
 from palpate.simulation.support_phase import last_change
-from palpate.simulation.tool_motion import tool_poses
+from palpate.simulation.tool_motion import closed_over, tool_poses
 from palpate.simulation.verdict import FAILED, OSCILLATES, State, Verdict
 from palpate.simulation.windows import Window, windows
 
@@ -179,7 +193,7 @@ def _explained(
     never = state is State.CONTACT_LOST and not trace["touching"].any() and pushed_through(trace) is None
     if lacking is not None and (never or state in (State.SETTLED, State.UNDECIDED)):
         return Verdict(State.UNDECIDED, lacking, linear=_text(linear))
-    if state is State.SETTLED and (deep := _too_deep(trace, scenario)) is not None:
+    if state is State.SETTLED and (deep := next(filter(None, map(_too_deep, each_recorded(trace))), None)) is not None:
         return Verdict(State.UNDECIDED, deep, linear=_text(linear))
     last_fifth = time[window.ending]
     axis, amplitude, frequency = _oscillation(last_fifth, held_tip(trace)[window.ending])
@@ -268,13 +282,26 @@ def _by_distance(scenario: Scenario) -> bool:
     return any(one.body is not None and one.body.by_distance for one in objects)
 
 
-def _too_deep(trace: Recorded, scenario: Scenario | None) -> str | None:
-    """Return that a tip ends deeper in a body of small strains than such a body holds it; None if it does not.
+def _too_deep(trace: Recorded) -> str | None:
+    """Return that a tip ends in a body where the body does not hold it; None if it does not.
 
-    It is pressed through a fixed part of the body or, by signed distance, deeper than its radius, where forces fall.
+    The body hardly yields to it. Or the body is of small strains, and pressed through a fixed part or, by signed
+    distance, deeper than the tip's radius, where forces fall.
     """
+    scenario = recorded_scenario(trace)
     body = None if scenario is None else scenario.object.body
-    if body is None or body.kind in LAWS:
+    if body is None:
+        return None
+    if (depth := depth_in_unmoved_body(trace)) > 0.0:
+        over = overlaps_fixed(trace, np.array([len(trace.time) - 1]))
+        beside = "its surface is not touched there, or its nodes are too far apart for the tip"
+        why = "the tip overlaps a fixed or held part of its surface" if over else beside
+        moved = f"{1e3 * float(np.linalg.norm(trace['deflection'][-1])):.2g} mm"
+        deep = f"the tip is {1e3 * depth:.3g} mm deep in the body, which yields by {moved} only"
+        return f"{deep}: {why}; use another place"
+    if (closed := closed_over(body, trace.time[-1:])) is not None:
+        return closed
+    if body.kind in LAWS:
         return None
     remedy = "use a larger tip, a smaller force, or hyperelastic"
     if is_behind_fixed(trace):
@@ -335,9 +362,10 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
 
 def _inside(trace: Recorded, text: str) -> str:
     """Return a text, with the depth if a tip ends below the surface of a body without contact."""
-    if not (deep := depth_without_contact(trace)) > 0.0:
+    deep, inside = max(((depth_without_contact(one), one) for one in each_recorded(trace)), key=itemgetter(0))
+    if not deep > 0.0:
         return text
-    scenario = recorded_scenario(trace)
+    scenario = recorded_scenario(inside)
     nodes = scenario is not None and not _by_distance(scenario)
     why = "it is between the nodes, or where the surface is held" if nodes else "the surface is held"
     remedy = "use a finer mesh, a larger tip or another place" if nodes else "use another place"

@@ -248,9 +248,15 @@ class Loop:
             )
         later = [change.at for change in choice.supports if change.at >= at - 0.5 * self.period]
         if later or self.count == 0:
-            when = "before the first sample" if self.count == 0 else f"before that at {later[0]:g} s"
+            when = (
+                "before the first sample" if self.count == 0 else f"no later than that at {later[0]:g} s: step the loop"
+            )
             raise scenario.mistake("object.body.supports", f"a change at {at:g} s comes {when}")
         regions = {key: value for key, value in (("held", held), ("touchable", touchable)) if value is not None}
+        for key, value in regions.items():
+            if not all(isinstance(region, str) for region in (value if isinstance(value, list | tuple) else [value])):
+                text = f'{key}: the scenario records the regions: write them as text such as "x < 1 mm", not {value!r}'
+                raise scenario.mistake("object.body.supports", text)
         body = scenario_body(scenario)
         try:
             change = SupportChange.of({"at": at, **regions})

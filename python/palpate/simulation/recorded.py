@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,7 +12,15 @@ from palpate.errors import PalpateError
 from palpate.scenario import Scenario
 from palpate.simulation.support_phase import support_phase
 
-__all__ = ["Recorded", "external_forces", "held_tip", "of_each_object", "recorded_scenario", "without_trend"]
+__all__ = [
+    "Recorded",
+    "each_recorded",
+    "external_forces",
+    "held_tip",
+    "of_each_object",
+    "recorded_scenario",
+    "without_trend",
+]
 
 
 class Recorded(Protocol):
@@ -42,6 +51,41 @@ def recorded_scenario(trace: Recorded) -> Scenario | None:
         return Scenario.from_dict(trace.metadata["scenario"]) if trace.metadata.get("scenario") else None
     except PalpateError:
         return None  # written by another version, or its device file is missing
+
+
+@dataclass(frozen=True)
+class _OneOfScene:
+    """Trace of a scene as that of one of its objects, which has the channels of that name."""
+
+    trace: Recorded
+    name: str
+    metadata: dict[str, Any]
+
+    @property
+    def time(self) -> Array:
+        return self.trace.time
+
+    @property
+    def unstable_from(self) -> float | None:
+        return self.trace.unstable_from
+
+    def __getitem__(self, channel: str) -> Array:
+        own = f"{self.name}_{channel}"
+        return self.trace[own if own in self.trace else channel]
+
+    def __contains__(self, channel: object) -> bool:
+        return f"{self.name}_{channel}" in self.trace or channel in self.trace
+
+
+def each_recorded(trace: Recorded) -> list[Recorded]:
+    """Return the trace, or that of a scene once for each of its objects, as if there were no other."""
+    scenario = recorded_scenario(trace)
+    if scenario is None or scenario.objects is None:
+        return [trace]
+    return [
+        _OneOfScene(trace, name, {**trace.metadata, "scenario": one.to_dict()})
+        for name, one in scenario.each_object.items()
+    ]
 
 
 def held_tip(trace: Recorded) -> Array:

@@ -106,12 +106,15 @@ class SharedBody:
 def _checked(scenario: Scenario) -> BodyChoice:
     """Return the body of a scenario whose device may share it; raise ScenarioError for any other."""
     choice = scenario.object.body
-    if scenario.objects is not None or choice is None:
+    if scenario.objects is not None:
+        raise scenario.mistake("objects", "devices share one body; write it as [object]")
+    if choice is None:
         raise scenario.mistake("object.kind", 'devices share a body; write kind = "body"')
-    if "signed_distance" not in (choice.kind, choice.contact) or choice.tip != "sphere":
+    if choice.tip != "sphere":
+        raise scenario.mistake("object.body.tip", "a shared body takes spheres")
+    if "signed_distance" not in (choice.kind, choice.contact):
         raise scenario.mistake(
-            "object.body.kind",
-            "a shared body takes spheres, with contact by signed distance; write that kind or contact",
+            "object.body.kind", "a shared body has contact by signed distance; write that kind or contact"
         )
     if choice.contact_points:
         raise scenario.mistake("object.body.contact_points", "on a shared body each device has one tip")
@@ -133,8 +136,9 @@ def _checked(scenario: Scenario) -> BodyChoice:
 def _check_same(first: Scenario, choice: BodyChoice, scenario: Scenario, other: BodyChoice) -> None:
     if scenario.period != first.period:
         raise scenario.mistake("servo.period", f"devices that share a body have one period, {1e3 * first.period:g} ms")
-    for key in BodyChoice.model_fields:
-        if key not in _OWN and getattr(choice, key) != getattr(other, key):
+    tables = [{**dict(body), **body.options} for body in (choice, other)]
+    for key in [*BodyChoice.model_fields, *choice.options, *other.options]:
+        if key not in (*_OWN, "options") and tables[0].get(key) != tables[1].get(key):
             raise scenario.mistake(
                 f"object.body.{key}",
                 f"differs from that of {first.source or first.title}; devices share one body, placed in each frame",

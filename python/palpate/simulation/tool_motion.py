@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
@@ -12,7 +14,18 @@ from palpate.fem.condensed_body import CoreBody
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
 
-__all__ = ["last_motion", "step_body", "tick_times", "tool_in_body", "tool_places", "tool_poses"]
+_OVERLAP: Final = 0.02  # of the smaller radius: overlap of two tips that counts
+
+__all__ = [
+    "closed_over",
+    "last_motion",
+    "overlapping",
+    "step_body",
+    "tick_times",
+    "tool_in_body",
+    "tool_places",
+    "tool_poses",
+]
 
 
 def tool_places(choice: BodyChoice, times: ArrayLike = (0.0,)) -> Array:
@@ -51,6 +64,33 @@ def last_motion(choice: BodyChoice) -> float:
     rows = np.zeros((1, 5)) if choice.tool is None else choice.tool.rows()
     moving = np.flatnonzero((rows[:, 1:] != rows[-1, 1:]).any(axis=1))
     return float(rows[moving[-1] + 1, 0]) if len(moving) else 0.0
+
+
+def overlapping(centers: Array, radii: Array) -> str | None:
+    """Return which two of some round tips overlap most and by how much; None if none do.
+
+    Args:
+        centers: of the tips (k, 3), m.
+        radii: of the tips (k,), m.
+    """
+    apart = np.linalg.norm(centers[:, None] - centers, axis=2)
+    overlap = np.triu(np.add.outer(radii, radii) - apart, 1)
+    one, two = np.unravel_index(np.argmax(overlap), overlap.shape)
+    if not overlap[one, two] > _OVERLAP * min(radii[one], radii[two]):
+        return None
+    depth = f"{1e3 * overlap[one, two]:.2g} mm"
+    return f"{one + 1} and {two + 1} overlap by {depth} at the end, as rigid tips cannot"
+
+
+def closed_over(choice: BodyChoice, time: ArrayLike) -> str | None:
+    """Return that the spheres of a gripper, apart when it is open, overlap at a time (1,), s; None if they do not."""
+    radii = np.full(len(choice.contact_points), choice.radius)
+    if choice.tool is None or choice.tip == "flat" or len(radii) < 2:
+        return None
+    if overlapping(np.array(choice.contact_points), radii) is not None:
+        return None
+    pair = overlapping(tool_places(choice, time)[0], radii)
+    return pair and f"the tips {pair}: do not close the tool so far"
 
 
 def step_body(core: CoreBody, path: Array, choice: BodyChoice, times: Array) -> Array:

@@ -18,7 +18,7 @@ from palpate.simulation.controllers import read_scenarios
 from palpate.simulation.joint_run import JointRun, simulate_together
 from palpate.simulation.linear_loop import ScenarioLoop, require_linear_parts
 from palpate.simulation.shared_body import SharedBody
-from palpate.simulation.verdict import FAILED, State
+from palpate.simulation.verdict import FAILED, OSCILLATES, State
 from palpate.stability.contact_loop import ContactStability, device_loop, judge, loop_around
 
 __all__ = ["JointStability", "joint_stability", "run_alone"]
@@ -48,13 +48,15 @@ class JointStability:
     def state(self) -> State:
         """STABLE or UNSTABLE where the linear loops and the run agree, otherwise UNDECIDED.
 
+        A run agrees that the loops are unstable if a device oscillates: one that still moves may come to rest.
+
         A run that loses the contact, or leaves the reach or the limits of a drive, has that state.
         """
         if (ended := self.run.verdict.state) in _ENDS:
             return ended
         if self.together.state is State.STABLE and self.run.settled:
             return State.STABLE
-        if self.together.state is State.UNSTABLE and not self.run.settled:
+        if self.together.state is State.UNSTABLE and self.run.verdict.state in OSCILLATES:
             return State.UNSTABLE
         return State.UNDECIDED
 
@@ -64,6 +66,8 @@ class JointStability:
         lines = [f"{self.state.label.capitalize()}: {whole}"]
         if self.state in _ENDS:
             lines = [_headline(self.run), f"  {whole}"]
+        elif self.state is State.UNDECIDED and self.run.overlap is not None:
+            lines = [f"{self.state.label.capitalize()}: {self.run.overlap}", f"  {whole}"]
         for tip, (alone, trace) in enumerate(zip(self.each, self.run.traces, strict=True), 1):
             lines.append(f"  {_sentence(f'device {tip}, the others held still', alone)}")
             lines.append(f"  device {tip} in the run: {trace.verdict}")

@@ -35,6 +35,7 @@ _NEVER = (
     "the tip does not touch the body in the run; move the body (object.position) to where its surface is not held, "
     "press longer (run.duration), or mesh it finer (object.body.spacing): a tip between its nodes touches none"
 )
+_CANCELLED = 0.2  # of the forces of a tool's tips: sum below which the contact has no normal
 _FIRST = 0.999  # ratio of two margins below which the lower one counts as another
 _DECAYS = 4.0  # time constants of the slowest motion for which the run is watched
 
@@ -61,6 +62,8 @@ def certify_body(s: Scenario) -> Certificate:
         )
     found = _find(s)
     verdict = _verdict(found, _scales_mass(s))
+    if verdict.state is State.STABLE and (cancelled := _cancelled(s, found.run)) is not None:
+        verdict = Verdict(State.UNDECIDED, cancelled)
     steps = [*_method(s, found), found.run.sentence]
     margin = _margins(found)
     if found.rest is not None and isinstance(found.rest.loop, MultirateLoop) and verdict.state is State.STABLE:
@@ -216,6 +219,21 @@ def _last_change(s: Scenario) -> float:
     choice = s.object.body
     assert choice is not None
     return max(last_motion(choice), last_change(s) or 0.0)
+
+
+def _cancelled(s: Scenario, run: ObservedRun) -> str | None:
+    """Return that the forces of a tool's tips without friction cancel, so that its contact has no normal; else None."""
+    choice = s.object.body
+    assert choice is not None
+    row = min(run.held, len(run.trace) - 1)
+    forces = [run.trace[f"point{k}_force"][row] for k in range(1, len(choice.contact_points) + 1)]
+    each, left = sum(map(np.linalg.norm, forces)), float(np.linalg.norm(sum(forces)))
+    if choice.options.get("static_friction", 0.0) > 0.0 or not left < _CANCELLED * each:
+        return None
+    return (
+        f"the tips press against each other with {0.5 * each:.3g} N, and {left:.2g} N are left for the device: without "
+        "friction there is no direction in which the body resists it; give the body a static_friction"
+    )
 
 
 def _scales_mass(s: Scenario) -> bool:

@@ -22,9 +22,9 @@ def tool_mistake(points: Sequence[Sequence[float]], radius: float = 0.0) -> str:
     """Return what is wrong with the contact points of a tool (k, 3), m, of tips with a radius, m; "" if nothing is."""
     if len(points) > MAX_TIPS:
         return f"{len(points)} points; a tool has at most {MAX_TIPS}"
-    if same := same_place(points):
+    if same := close_pair(points):
         return f"points {same[0]} and {same[1]} are in the same place; remove one"
-    if near := same_place(points, NEAREST * radius):
+    if near := close_pair(points, NEAREST * radius):
         return (
             f"points {near[0]} and {near[1]} are nearer than a tenth of their radius, so the body would feel stiffer, "
             "as each presses a layer of its own; remove one"
@@ -32,11 +32,11 @@ def tool_mistake(points: Sequence[Sequence[float]], radius: float = 0.0) -> str:
     return ""
 
 
-def same_place(points: Sequence[Sequence[float]], least: float = SAME_PLACE) -> tuple[int, int] | None:
-    """Return the numbers, from 1 on, of two points (k, 3), m, nearer than `least`, m; None if there are none."""
+def close_pair(points: Sequence[Sequence[float]], distance: float = SAME_PLACE) -> tuple[int, int] | None:
+    """Return the numbers, from 1 on, of two points (k, 3), m, nearer than `distance`, m; None if there are none."""
     for k, point in enumerate(points):
         for other in range(k):
-            if math.dist(point, points[other]) < least:
+            if math.dist(point, points[other]) < distance:
                 return other + 1, k + 1
     return None
 

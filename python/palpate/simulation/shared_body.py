@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate import _core
 from palpate.arrays import Array
-from palpate.checks import MAX_TIPS, same_place
+from palpate.checks import MAX_TIPS, close_pair
 from palpate.errors import ScenarioError
 from palpate.fem import Body
 from palpate.scenario import Scenario
@@ -62,7 +62,7 @@ class SharedBody:
         self.origins = np.array([origin for _, origin, _ in placed])
         self.rotations = np.array([turn for _, _, turn in placed])
         self.radii = np.array([choice.radius for choice in choices])
-        if same := same_place(self.in_body(np.array([starts]))[0].tolist()):
+        if same := close_pair(self.in_body(np.array([starts]))[0].tolist()):
             mistake = f"tips {same[0]} and {same[1]} start in the same place of the body: move one of them"
             raise scenarios[same[1] - 1].mistake("object.body.origin", mistake)
 

@@ -487,8 +487,38 @@ def test_a_tip_in_a_body_that_grazes_a_node_is_not_settled(body: dict[str, Any])
     assert np.linalg.norm(trace["object_force"][-1]) < 2e-3
     assert trace["touching"][-1, 0] > 0.0
     assert trace.verdict.state is State.UNDECIDED
-    assert "deep in the body, which yields by" in trace.verdict.reason
+    assert "does not push back" in trace.verdict.reason or "a support was released under it" in trace.verdict.reason
     assert certify(held_below(**body)).verdict.state is State.UNDECIDED
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {
+            "held": ["sphere 20 20 20 radius 8 mm"],
+            "contact_points": [["-3 mm", "0 mm", "0 mm"], ["3 mm", "0 mm", "0 mm"]],
+        },
+        {"held": ["x > 34 mm"], "tip": "flat", "origin": ["41 mm", "20 mm", "20 mm"]},
+        {"held": ["sphere 20 20 20 radius 7.5 mm"], "tip": "flat"},
+    ],
+    ids=["two tips", "flat end beyond the edge", "held under most of a flat end"],
+)
+def test_tips_on_a_surface_that_does_not_push_back_are_not_settled(body: dict[str, Any]) -> None:
+    scenario = held_below(**body)
+    if body.get("tip") == "flat":
+        scenario["object"]["position"] = ["0 mm", "0 mm", "-0.2 mm"]
+    trace = simulate(scenario)
+    assert trace.verdict.state is State.UNDECIDED
+    assert "fixed, held or not touched" in trace.verdict.reason
+
+
+@pytest.mark.parametrize("ratio", [3.0, 15.0])
+def test_a_press_on_a_coarse_relaxing_body_is_settled(ratio: float) -> None:
+    """The mean displacement of its contact excludes a part of the layer that grows with the ratio."""
+    kind = {"kind": "viscoelastic", "contact": "signed_distance", "retardation_time": "50 ms"}
+    scenario = held_below(**kind, instantaneous_ratio=ratio, spacing="8 mm")
+    scenario["operator"]["force"] = ["0 N", "0 N", "-0.4 N"]
+    assert simulate(scenario).verdict.state is State.SETTLED
 
 
 def test_a_tip_that_leaves_one_body_of_a_scene_inside_has_lost_it() -> None:
@@ -499,6 +529,7 @@ def test_a_tip_that_leaves_one_body_of_a_scene_inside_has_lost_it() -> None:
     trace = simulate({**tables_, "objects": {"one": body, "two": wall}})
     assert trace["two_touching"][-1, 0] > 0.0
     assert trace.verdict.state is State.CONTACT_LOST
+    assert 'the tip is in the body "one" without contact, 5.5 mm' in trace.verdict.reason
 
 
 def test_the_depth_beside_the_touched_part_is_that_below_the_whole_surface() -> None:

@@ -215,14 +215,21 @@ class CondensedBody:
 
         No material can be displaced along such a way.
         """
-        return len(_crossings(self.points, self._fixed_triangles, start, end)) > 0
+        return len(_crossings(self.points, self._fixed_triangles, start, end)[0]) > 0
 
     def depth_along(self, point: Array, direction: Array) -> float:
         """Return the way from a point (3,), m, to the surface of the body at rest along a unit vector; 0 outside."""
+        return self.surface_along(point, direction)[0]
+
+    def surface_along(self, point: Array, direction: Array) -> tuple[float, Indices]:
+        """Return the same way, and the corners (3,) of the triangle where it ends, as points; none outside."""
         if not self.contains(point):
-            return 0.0
-        shares = _crossings(self.points, self.triangles, point, point + 2.0 * self.extent * direction)
-        return 2.0 * self.extent * float(shares.min()) if len(shares) else 0.0
+            return 0.0, np.empty(0, dtype=np.int64)
+        shares, crossed = _crossings(self.points, self.triangles, point, point + 2.0 * self.extent * direction)
+        if not len(shares):
+            return 0.0, np.empty(0, dtype=np.int64)
+        first = int(np.argmin(shares))
+        return 2.0 * self.extent * float(shares[first]), np.asarray(self.triangles[crossed[first]])
 
     def on_surface(self, values: ArrayLike) -> Array:
         """Return node values (n, ...) at the vertices of `surface` (v, ...); fixed vertices have zero.
@@ -445,8 +452,14 @@ class CondensedBody:
         return nodes, normals, areas, np.ascontiguousarray(self.compliance)
 
 
-def _crossings(points: Array, triangles: Indices, start: Array, end: Array) -> Array:
-    """Return the shares, 0 to 1, of a straight way (3,) to (3,), m, at which it crosses triangles (k, 3) of points."""
+def _crossings(points: Array, triangles: Indices, start: Array, end: Array) -> tuple[Array, Indices]:
+    """Return the shares, 0 to 1, of a straight way at which it crosses triangles (k, 3) of points, and which ones.
+
+    Args:
+        points: (s, 3), m.
+        triangles: as indices of points (k, 3).
+        start, end: of the way (3,), m.
+    """
     way, normal = end - start, area_vectors(points, triangles)
     along = normal @ way
     crossed = np.abs(along) > 1e-12 * np.linalg.norm(normal, axis=1) * float(np.linalg.norm(way))
@@ -455,4 +468,5 @@ def _crossings(points: Array, triangles: Indices, start: Array, end: Array) -> A
     from_at = corners - (start + share[:, None] * way)[:, None]
     parts = np.einsum("ikj,ij->ik", np.cross(from_at, np.roll(from_at, -1, axis=1)), normal)
     inside = parts.min(axis=1) >= -1e-9 * parts.sum(axis=1)  # a way along an edge crosses both triangles
-    return np.asarray(share[inside & (share >= 0.0) & (share <= 1.0)])
+    met = inside & (share >= 0.0) & (share <= 1.0)
+    return share[met], np.flatnonzero(crossed)[met]

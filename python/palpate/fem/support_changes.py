@@ -37,7 +37,7 @@ class SupportChange(NamedTuple):
     def of(cls, given: SupportChange | Mapping[str, Any]) -> Self:
         """Return a change of a table with `at` (s or text) and regions; raise BodyError."""
         if isinstance(given, SupportChange):
-            return cls(*given)
+            return cls(given.at, *(None if regions is None else _listed(regions) for regions in given[1:]))
         if not isinstance(given, Mapping):
             raise BodyError(f'supports: a change is a table such as {{"at": "1 s", "held": "x < 1 mm"}}, not {given!r}')
         for key in given:

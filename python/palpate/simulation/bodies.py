@@ -15,12 +15,12 @@ from scipy.spatial.transform import Rotation
 
 from palpate import _core
 from palpate import fem as bodies
-from palpate.arrays import Array, Flags
+from palpate.arrays import Array, Flags, Indices
 from palpate.contact import Mesh
 from palpate.contact.simplices import area_vectors
 from palpate.errors import OutputError, PalpateError, ScenarioError
 from palpate.fem.contact_accuracy import has_known_error, unresolved
-from palpate.fem.support_changes import SupportChange
+from palpate.fem.support_changes import TOUCHED, SupportChange
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
 from palpate.simulation.moving_frame import touching_tip
@@ -38,7 +38,8 @@ _DENTED = 10.0  # retardation times after a contact in which a body may keep a d
 _BORDER = 1e-6  # of a face: barycentric coordinate below which a point is on its edge
 _SLIGHT = 0.01  # of the radius of a tip: depth below the surface that does not count
 _DEEP = 0.1  # of the radius of a tip: depth from which on the body must yield
-_LEAST_YIELD = 0.3  # of the depth of a tip: mean displacement of a body that it presses; it was 0.54 and more
+_LEAST_YIELD = 0.05  # of the depth of a tip: mean displacement of a body that it presses
+_RINGS = ((0.0, 1), (0.45, 8), (0.9, 8))  # radii on a flat end, of its own, and points on each, at which it is tested
 _MAKING = 3  # version of the construction; a new one invalidates cached bodies
 
 
@@ -174,8 +175,8 @@ def depth_without_contact(trace: Recorded) -> float:
 def depth_in_unmoved_body(trace: Recorded) -> float:
     """Return how deep a tip that touches a body without displacing it is below its surface at the end of a trace, m.
 
-    It is 0 if the body yields by three tenths of the depth, and below a tenth of the radius. Such a tip is where the
-    surface is held or not touched, or between the nodes, and meets nodes beside it. Of several tips it is not known: 0.
+    It is 0 if the body yields by a twentieth of the depth, and below a tenth of the radius. Such a tip grazes a node
+    beside a support that was released under it. Of several tips it is not known: 0.
     """
     if (found := _recorded_body(trace)) is None or not trace["touching"][-1, 0] > 0.0:
         return 0.0
@@ -183,6 +184,41 @@ def depth_in_unmoved_body(trace: Recorded) -> float:
         return 0.0
     depth, moved = depth_at_end(trace), float(np.linalg.norm(trace["deflection"][-1]))
     return depth if depth > _DEEP * found[1].radius and moved < _LEAST_YIELD * depth else 0.0
+
+
+def depth_where_untouched(trace: Recorded) -> float:
+    """Return how deep a tip is, at the end of a trace, where the surface of a body is fixed, held or not touched, m.
+
+    The surface there is the point nearest to the center of a sphere, or what lies outward of a flat end at its middle
+    or at points around it. It exerts no force. The depth is 0 below a tenth of the radius, if a contact node is at a
+    corner of that place, and if the body is no longer there.
+    """
+    if (found := _recorded_body(trace)) is None:
+        return 0.0
+    scenario, choice, body = found
+    ends = _tips_in_body(trace, scenario, body, slice(-1, None))[0]
+    touched = _touched(body, int(support_phase(scenario, trace.time[-1:])[0]))
+    if choice.tip == "flat":
+        turns = [(r, 2.0 * np.pi * k / count) for r, count in _RINGS for k in range(count)]
+        ring = choice.radius * np.array([[r * np.cos(turn), r * np.sin(turn), 0.0] for r, turn in turns])
+        places = [body.surface_along(end + place, np.array([0.0, 0.0, 1.0])) for end in ends for place in ring]
+        depths = [depth for depth, corners in places if depth > 0.0 and not touched[corners].any()]
+    else:
+        surface = body.whole_surface
+        nearest, faces = surface.nearest(ends)
+        corners = _weights(surface, nearest, faces) > _BORDER
+        free = (corners & touched[surface.triangles[faces]]).any(axis=1)
+        depths = _depths(body, surface, ends, choice.radius)[0][~free].tolist()
+    deepest = max(depths, default=0.0)
+    return float(deepest) if deepest > _DEEP * choice.radius else 0.0
+
+
+def _touched(body: Body, phase: int) -> Flags:
+    """Return whether each point of the whole surface (s,) is a node that can be touched."""
+    found = np.zeros(len(body.points), dtype=bool)
+    changes = body.kind.supports
+    found[body.contents.nodes] = True if changes is None else changes.roles(body.nodes)[phase] == TOUCHED
+    return found
 
 
 def depths_at_rest(body: Body, centers: Array, radius: float) -> Array:
@@ -206,13 +242,20 @@ def _depths(body: Body, surface: Mesh, centers: Array, radius: float) -> tuple[A
     normals = area_vectors(surface.vertices, triangles)
     distance = np.linalg.norm(centers - nearest, axis=1)
     inside = np.einsum("ij,ij->i", centers - nearest, normals) <= 0.0
-    corners = surface.vertices[triangles] - nearest[:, None]
-    parts = np.einsum("ikj,ij->ik", np.cross(corners, np.roll(corners, -1, axis=1)), normals)
-    apart = parts < _BORDER * parts.sum(axis=1, keepdims=True)  # on the edge between a corner and the next one
+    apart = _weights(surface, nearest, faces) < _BORDER  # from these corners: on the edge of the others
     edge = apart.any(axis=1)  # there the normal of one face does not tell
     inside[edge] = [body.contains(center) for center in centers[edge]]
-    beyond = edge & (np.roll(apart, 2, axis=1) | _at_border(surface)[triangles]).all(axis=1)
+    beyond = np.asarray(edge & (apart | _at_border(surface)[triangles]).all(axis=1))
     return np.maximum(radius + np.where(inside, distance, -distance), 0.0), beyond
+
+
+def _weights(surface: Mesh, points: Array, faces: Indices) -> Array:
+    """Return the barycentric coordinates (n, 3) of points (n, 3) in faces (n,) of a surface."""
+    triangles = surface.triangles[faces]
+    corners = surface.vertices[triangles] - points[:, None]
+    normals = area_vectors(surface.vertices, triangles)
+    parts = np.einsum("ikj,ij->ik", np.cross(corners, np.roll(corners, -1, axis=1)), normals)
+    return np.asarray(np.roll(parts, 2, axis=1) / parts.sum(axis=1, keepdims=True))
 
 
 def _at_border(surface: Mesh) -> Flags:

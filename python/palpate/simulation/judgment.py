@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from operator import itemgetter
 
 import numpy as np
 
@@ -16,9 +15,9 @@ from palpate.scenario import Scenario
 from palpate.simulation.bodies import (
     depth_at_end,
     depth_in_unmoved_body,
+    depth_where_untouched,
     depth_without_contact,
     is_behind_fixed,
-    overlaps_fixed,
 )
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.decision import (
@@ -39,6 +38,7 @@ from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import (
+    OneOfScene,
     Recorded,
     each_recorded,
     external_forces,
@@ -285,20 +285,24 @@ def _by_distance(scenario: Scenario) -> bool:
 def _too_deep(trace: Recorded) -> str | None:
     """Return that a tip ends in a body where the body does not hold it; None if it does not.
 
-    The body hardly yields to it. Or the body is of small strains, and pressed through a fixed part or, by signed
-    distance, deeper than the tip's radius, where forces fall.
+    Its surface is fixed, held or not touched there, or it hardly yields. Tips of a gripper overlap. Or a body of small
+    strains is pressed through a fixed part or, by signed distance, deeper than the tip's radius, where forces fall.
     """
     scenario = recorded_scenario(trace)
     body = None if scenario is None else scenario.object.body
     if body is None:
         return None
+    if (depth := depth_where_untouched(trace)) > 0.0:
+        return (
+            f"the tip is {1e3 * depth:.3g} mm deep where the surface of the body is fixed, held or not touched: it "
+            "does not push back there; use another place"
+        )
     if (depth := depth_in_unmoved_body(trace)) > 0.0:
-        over = overlaps_fixed(trace, np.array([len(trace.time) - 1]))
-        beside = "its surface is not touched there, or its nodes are too far apart for the tip"
-        why = "the tip overlaps a fixed or held part of its surface" if over else beside
         moved = f"{1e3 * float(np.linalg.norm(trace['deflection'][-1])):.2g} mm"
-        deep = f"the tip is {1e3 * depth:.3g} mm deep in the body, which yields by {moved} only"
-        return f"{deep}: {why}; use another place"
+        return (
+            f"the tip is {1e3 * depth:.3g} mm deep in the body, which yields by {moved} only: a support was released "
+            "under it, or its nodes are too far apart for the tip"
+        )
     if (closed := closed_over(body, trace.time[-1:])) is not None:
         return closed
     if body.kind in LAWS:
@@ -340,6 +344,11 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
             return pushed, f"{tip} starts {where}: check object.position"
         return pushed, f"{tip} is pushed through the body at t = {pushed:.4g} s, and in it without contact at the end"
     touching = np.flatnonzero(trace["touching"][:, 0])
+    for one in each_recorded(trace):
+        if isinstance(one, OneOfScene) and depth_without_contact(one) > 0.0:
+            off = np.flatnonzero(one["touching"][:, 0] > 0.0)
+            since = float(trace.time[off[-1]]) if len(off) else None
+            return since, _inside(one, f'the tip is in the body "{one.name}" without contact')
     if not len(touching):
         return None, _inside(trace, "the tip never touches the object")
     after = [np.flatnonzero(lost[touching[-1] :, 0] > 0.0) for lost in of_each_object(trace, "contact_lost")]
@@ -362,14 +371,15 @@ def _lost(trace: Recorded, apart: float) -> tuple[float | None, str]:
 
 def _inside(trace: Recorded, text: str) -> str:
     """Return a text, with the depth if a tip ends below the surface of a body without contact."""
-    deep, inside = max(((depth_without_contact(one), one) for one in each_recorded(trace)), key=itemgetter(0))
-    if not deep > 0.0:
+    if not (deep := depth_without_contact(trace)) > 0.0:
         return text
-    scenario = recorded_scenario(inside)
-    nodes = scenario is not None and not _by_distance(scenario)
-    why = "it is between the nodes, or where the surface is held" if nodes else "the surface is held"
-    remedy = "use a finer mesh, a larger tip or another place" if nodes else "use another place"
-    return f"{text}, {1e3 * deep:.2g} mm below the surface of the body: {why} or not touchable there; {remedy}"
+    scenario = recorded_scenario(trace)
+    where, remedy = "it is between the nodes", "a finer mesh, a larger tip or another place"
+    if depth_where_untouched(trace) > 0.0:
+        where, remedy = "the surface is fixed, held or not touchable there", "another place"
+    elif scenario is not None and _by_distance(scenario):
+        where, remedy = "the body has moved away from it", "another place"
+    return f"{text}, {1e3 * deep:.2g} mm below the surface of the body at rest: {where}; use {remedy}"
 
 
 def _unsupported(trace: Recorded, scenario: Scenario | None) -> str | None:

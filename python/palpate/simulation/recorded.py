@@ -13,6 +13,7 @@ from palpate.scenario import Scenario
 from palpate.simulation.support_phase import support_phase
 
 __all__ = [
+    "OneOfScene",
     "Recorded",
     "each_recorded",
     "external_forces",
@@ -54,7 +55,7 @@ def recorded_scenario(trace: Recorded) -> Scenario | None:
 
 
 @dataclass(frozen=True)
-class _OneOfScene:
+class OneOfScene:
     """Trace of a scene as that of one of its objects, which has the channels of that name."""
 
     trace: Recorded
@@ -63,10 +64,12 @@ class _OneOfScene:
 
     @property
     def time(self) -> Array:
+        """Times (n,), s."""
         return self.trace.time
 
     @property
     def unstable_from(self) -> float | None:
+        """Time of divergence, s."""
         return self.trace.unstable_from
 
     def __getitem__(self, channel: str) -> Array:
@@ -83,7 +86,7 @@ def each_recorded(trace: Recorded) -> list[Recorded]:
     if scenario is None or scenario.objects is None:
         return [trace]
     return [
-        _OneOfScene(trace, name, {**trace.metadata, "scenario": one.to_dict()})
+        OneOfScene(trace, name, {**trace.metadata, "scenario": one.to_dict()})
         for name, one in scenario.each_object.items()
     ]
 

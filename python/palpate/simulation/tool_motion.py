@@ -66,30 +66,33 @@ def last_motion(choice: BodyChoice) -> float:
     return float(rows[moving[-1] + 1, 0]) if len(moving) else 0.0
 
 
-def overlapping(centers: Array, radii: Array) -> str | None:
+def overlapping(centers: Array, radii: Array, before: Array | None = None) -> str | None:
     """Return which two of some round tips overlap most and by how much; None if none do.
 
     Args:
         centers: of the tips (k, 3), m.
         radii: of the tips (k,), m.
+        before: centers of the tips of a rigid tool (k, 3), m; only those count that overlap more now.
     """
-    apart = np.linalg.norm(centers[:, None] - centers, axis=2)
-    overlap = np.triu(np.add.outer(radii, radii) - apart, 1)
-    one, two = np.unravel_index(np.argmax(overlap), overlap.shape)
-    if not overlap[one, two] > _OVERLAP * min(radii[one], radii[two]):
+
+    def overlaps(of: Array) -> Array:
+        apart = np.linalg.norm(of[:, None] - of, axis=2)
+        return np.triu(np.maximum(np.add.outer(radii, radii) - apart, 0.0), 1)
+
+    now = overlaps(centers)
+    more = now if before is None else now - overlaps(before)
+    one, two = np.unravel_index(np.argmax(more), more.shape)
+    if not more[one, two] > _OVERLAP * min(radii[one], radii[two]):
         return None
-    depth = f"{1e3 * overlap[one, two]:.2g} mm"
-    return f"{one + 1} and {two + 1} overlap by {depth} at the end, as rigid tips cannot"
+    return f"{one + 1} and {two + 1} overlap by {1e3 * now[one, two]:.2g} mm at the end, as rigid tips cannot"
 
 
 def closed_over(choice: BodyChoice, time: ArrayLike) -> str | None:
-    """Return that the spheres of a gripper, apart when it is open, overlap at a time (1,), s; None if they do not."""
+    """Return that spheres of a gripper overlap at a time (1,), s, more than when it is open; None if they do not."""
+    if choice.tool is None or choice.tip == "flat" or len(choice.contact_points) < 2:
+        return None
     radii = np.full(len(choice.contact_points), choice.radius)
-    if choice.tool is None or choice.tip == "flat" or len(radii) < 2:
-        return None
-    if overlapping(np.array(choice.contact_points), radii) is not None:
-        return None
-    pair = overlapping(tool_places(choice, time)[0], radii)
+    pair = overlapping(tool_places(choice, time)[0], radii, np.array(choice.contact_points))
     return pair and f"the tips {pair}: do not close the tool so far"
 
 

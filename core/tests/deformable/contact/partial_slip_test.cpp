@@ -19,12 +19,12 @@ using palpate::deformable::ContactResult, palpate::deformable::TipContact, palpa
 
 /// Surface of an elastic half-space, z up, in square patches: Boussinesq's and Cerruti's point forces between patches, and the mean over a
 /// patch for itself (1 / r: 2.9730 / w; by symmetry x^2 / r^3: half of that). Independent of finite elements.
-struct HalfSpace {
+struct TangentialHalfSpace {
   double shear, poisson, width;  // Pa; m
   std::vector<Vector3<>> points;
   SurfaceNodes nodes;
 
-  HalfSpace(int side, double w, double g, double nu) : shear(g), poisson(nu), width(w) {
+  TangentialHalfSpace(int side, double w, double g, double nu) : shear(g), poisson(nu), width(w) {
     for (int i = 0; i < side; ++i)
       for (int j = 0; j < side; ++j) points.emplace_back(w * (i - 0.5 * (side - 1)), w * (j - 0.5 * (side - 1)), 0.0);
     nodes = SurfaceNodes(points, std::vector<Vector3<>>(points.size(), Vector3<>::UnitZ()), std::vector<double>(points.size(), w * w));
@@ -53,12 +53,12 @@ struct HalfSpace {
 // Mindlin 1949: a sticking flat end of radius a has the tangential stiffness 8 G a / (2 - nu).
 TEST(PartialSlip, StickingFlatEndMatchesMindlin) {
   for (const double poisson : {0.0, 0.3, 0.45}) {
-    HalfSpace space(41, 1e-3, 5e3, poisson);
+    TangentialHalfSpace space(41, 1e-3, 5e3, poisson);
     Tip tip;
     tip.kind = Tip::Kind::flat;
     tip.radius = 5e-3;
     for (const double aside : {0.0, 0.3e-3}) {
-      TipContact<HalfSpace> contact(space.nodes, space, {50.0, 50.0});
+      TipContact<TangentialHalfSpace> contact(space.nodes, space, {50.0, 50.0});
       tip.center = {aside, 0.4 * aside, -1e-3};
       contact.step(tip);
       EXPECT_EQ(contact.last().friction.norm(), 0.0);
@@ -75,8 +75,8 @@ TEST(PartialSlip, StickingFlatEndMatchesMindlin) {
 // 3 mu P (2 - nu) / (16 G a).
 TEST(PartialSlip, SphereMatchesCattaneoAndMindlin) {
   const double shear = 5e3, poisson = 0.4, mu = 0.2;
-  HalfSpace space(21, 1.3e-3, shear, poisson);
-  TipContact<HalfSpace> contact(space.nodes, space, {mu, mu});
+  TangentialHalfSpace space(21, 1.3e-3, shear, poisson);
+  TipContact<TangentialHalfSpace> contact(space.nodes, space, {mu, mu});
   Tip tip;
   tip.radius = 60e-3;
   const double depth = 0.5e-3;
@@ -106,7 +106,7 @@ TEST(PartialSlip, SphereMatchesCattaneoAndMindlin) {
 // Optimality at every node: no slip inside the cone, slip parallel to the force on it.
 TEST(PartialSlip, SatisfiesCoulombsLawAtEveryNode) {
   const double mu = 0.5;
-  HalfSpace space(21, 1e-3, 5e3, 0.45);
+  TangentialHalfSpace space(21, 1e-3, 5e3, 0.45);
   std::mt19937 random(12);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   palpate::deformable::PartialSlip slip({mu, mu}, space.nodes.size(), 1000);
@@ -148,8 +148,9 @@ TEST(PartialSlip, SatisfiesCoulombsLawAtEveryNode) {
 
 // Zero friction is bitwise equal to no friction; friction does not change the normal forces.
 TEST(TipContact, FrictionDoesNotChangeTheNormalForces) {
-  HalfSpace space(31, 1e-3, 5e3, 0.45);
-  TipContact<HalfSpace> plain(space.nodes, space), smooth(space.nodes, space, DryFriction{}), rough(space.nodes, space, {0.6, 0.4});
+  TangentialHalfSpace space(31, 1e-3, 5e3, 0.45);
+  TipContact<TangentialHalfSpace> plain(space.nodes, space), smooth(space.nodes, space, DryFriction{}),
+      rough(space.nodes, space, {0.6, 0.4});
   Tip tip;
   tip.radius = 6e-3;
   for (int k = 0; k < 2000; ++k) {
@@ -166,8 +167,8 @@ TEST(TipContact, FrictionDoesNotChangeTheNormalForces) {
 
 // A resting tip keeps its force. A moving one breaks away at the static coefficient and slides at the dynamic one.
 TEST(TipContact, SticksBreaksAwayAndSlides) {
-  HalfSpace space(31, 1e-3, 5e3, 0.45);
-  TipContact<HalfSpace> contact(space.nodes, space, {0.8, 0.5});
+  TangentialHalfSpace space(31, 1e-3, 5e3, 0.45);
+  TipContact<TangentialHalfSpace> contact(space.nodes, space, {0.8, 0.5});
   Tip tip;
   tip.radius = 10e-3;
   tip.center = {-3e-3, 0.2e-3, tip.radius - 2e-3};
@@ -199,9 +200,9 @@ TEST(TipContact, SticksBreaksAwayAndSlides) {
 
 // Sliding in steps of a micrometer: nodes enter and leave without a jump of the friction force.
 TEST(TipContact, FrictionIsContinuousAsNodesEnterAndLeave) {
-  HalfSpace space(31, 1e-3, 5e3, 0.45);
+  TangentialHalfSpace space(31, 1e-3, 5e3, 0.45);
   for (const auto kind : {Tip::Kind::sphere, Tip::Kind::flat}) {
-    TipContact<HalfSpace> contact(space.nodes, space, {0.5, 0.5});
+    TipContact<TangentialHalfSpace> contact(space.nodes, space, {0.5, 0.5});
     Tip tip;
     tip.kind = kind;
     tip.radius = kind == Tip::Kind::sphere ? 8e-3 : 4e-3;
@@ -226,7 +227,7 @@ TEST(TipContact, FrictionIsContinuousAsNodesEnterAndLeave) {
 }
 
 /// Full compliance of a half-space, row 3 x node + axis, without coupling between normal and tangential directions.
-std::vector<float> full(const HalfSpace& space) {
+std::vector<float> full(const TangentialHalfSpace& space) {
   const std::size_t n = space.points.size();
   std::vector<float> c(9 * n * n);
   for (std::size_t i = 0; i < n; ++i)
@@ -244,7 +245,7 @@ std::vector<float> full(const HalfSpace& space) {
 // Random closed paths (1,000 per round) with sticking, sliding and lift-off: at every tick the work against friction is at least the energy
 // stored by it. The normal part is conservative and the same with and without friction.
 TEST(TipContact, FrictionIsPassiveOverClosedPaths) {
-  const HalfSpace space(4, 1e-3, 5e3, 0.3);
+  const TangentialHalfSpace space(4, 1e-3, 5e3, 0.3);
   palpate::deformable::Compliance plain(space.nodes, full(space).data()), draggable(space.nodes, full(space).data(), true);
   TipContact<palpate::deformable::Compliance> smooth(space.nodes, plain), rough(space.nodes, draggable, {0.7, 0.5});
   std::mt19937 random(9);
@@ -281,7 +282,7 @@ TEST(TipContact, FrictionIsPassiveOverClosedPaths) {
 // Invariance under rotation of the body, node order and choice of tangent bases.
 TEST(TipContact, FrictionIsInvariantUnderRotation) {
   using Block = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
-  HalfSpace space(17, 1e-3, 5e3, 0.45);
+  TangentialHalfSpace space(17, 1e-3, 5e3, 0.45);
   const std::size_t n = space.points.size();
   std::mt19937 random(10);
   std::vector<std::size_t> order(n);
@@ -318,7 +319,7 @@ TEST(TipContact, FrictionIsInvariantUnderRotation) {
 
 // Tangential step on a standard linear solid: the initial force is instantaneous_ratio times the long-term force.
 TEST(TipContact, ViscoelasticBodyRelaxesTangentially) {
-  const HalfSpace space(15, 1e-3, 5e3, 0.45);
+  const TangentialHalfSpace space(15, 1e-3, 5e3, 0.45);
   palpate::deformable::Compliance elastic(space.nodes, full(space).data(), true);
   palpate::deformable::StandardLinearSolid relaxing(elastic, 3.0, 0.05, 1e-3);
   TipContact<palpate::deformable::Compliance> still(space.nodes, elastic, {20.0, 20.0});
@@ -338,7 +339,7 @@ TEST(TipContact, ViscoelasticBodyRelaxesTangentially) {
 
 // Flat end whose edge crosses patches: the long-term stiffness is that of the elastic body, normal and tangential.
 TEST(TipContact, ViscoelasticBodyUnderAFlatEndHasTheLongTermStiffness) {
-  const HalfSpace space(15, 1e-3, 5e3, 0.45);
+  const TangentialHalfSpace space(15, 1e-3, 5e3, 0.45);
   palpate::deformable::Compliance elastic(space.nodes, full(space).data(), true);
   palpate::deformable::StandardLinearSolid relaxing(elastic, 3.0, 0.05, 1e-3);
   TipContact<palpate::deformable::Compliance> still(space.nodes, elastic, {20.0, 20.0});
@@ -363,7 +364,7 @@ TEST(TipContact, ViscoelasticBodyUnderAFlatEndHasTheLongTermStiffness) {
 
 // The edge of a flat end on creeping patches: no closed path gains work.
 TEST(TipContact, ViscoelasticBodyUnderAFlatEndIsPassive) {
-  const HalfSpace space(13, 1e-3, 5e3, 0.45);
+  const TangentialHalfSpace space(13, 1e-3, 5e3, 0.45);
   palpate::deformable::StandardLinearSolid relaxing(palpate::deformable::Compliance(space.nodes, full(space).data(), true), 3.0, 0.05,
                                                     1e-3);
   for (int trial = 0; trial < 8; ++trial) {
@@ -393,7 +394,7 @@ TEST(TipContact, ViscoelasticBodyUnderAFlatEndIsPassive) {
 // Law: the state of a standard linear solid is one delayed force per node in all directions, q' = decay q + gain f; its energy is that of
 // the springs, (f.C f / r + q.C q / (1 - 1 / r)) / 2.
 TEST(StandardLinearSolid, ItsStateIsADelayedForcePerNode) {
-  const HalfSpace space(3, 1e-3, 5e3, 0.3);
+  const TangentialHalfSpace space(3, 1e-3, 5e3, 0.3);
   const double ratio = 3.0, late = 1.0 - 1.0 / ratio, decay = std::exp(-1e-3 / 0.02), gain = (1.0 - decay) * late;
   const palpate::deformable::Compliance elastic(space.nodes, full(space).data(), true);
   palpate::deformable::StandardLinearSolid body(elastic, ratio, 0.02, 1e-3);
@@ -433,8 +434,8 @@ TEST(StandardLinearSolid, ItsStateIsADelayedForcePerNode) {
 
 // Law: after a tip without a position friction begins anew, as in a contact that the tip enters there.
 TEST(TipContact, FrictionBeginsAnewAfterATipThatIsNotFinite) {
-  HalfSpace space(15, 1e-3, 5e3, 0.45);
-  TipContact<HalfSpace> contact(space.nodes, space, {0.6, 0.4}), fresh(space.nodes, space, {0.6, 0.4});
+  TangentialHalfSpace space(15, 1e-3, 5e3, 0.45);
+  TipContact<TangentialHalfSpace> contact(space.nodes, space, {0.6, 0.4}), fresh(space.nodes, space, {0.6, 0.4});
   Tip tip;
   tip.radius = 6e-3;
   for (int k = 0; k < 40; ++k) {
@@ -449,11 +450,11 @@ TEST(TipContact, FrictionBeginsAnewAfterATipThatIsNotFinite) {
 
 // Law: the order of the nodes does not matter, while a flat end slides over creeping patches that it covers in part.
 TEST(TipContact, FrictionOfAFlatEndOnCreepingPatchesDoesNotDependOnTheOrderOfTheNodes) {
-  HalfSpace space(13, 1e-3, 5e3, 0.45), other = space;
+  TangentialHalfSpace space(13, 1e-3, 5e3, 0.45), other = space;
   std::reverse(other.points.begin(), other.points.end());
   const std::size_t n = space.points.size();
   other.nodes = SurfaceNodes(other.points, std::vector<Vector3<>>(n, Vector3<>::UnitZ()), std::vector<double>(n, 1e-6));
-  const auto solid = [](const HalfSpace& s) {
+  const auto solid = [](const TangentialHalfSpace& s) {
     return palpate::deformable::StandardLinearSolid(palpate::deformable::Compliance(s.nodes, full(s).data(), true), 3.0, 0.02, 1e-3);
   };
   palpate::deformable::StandardLinearSolid one = solid(space), two = solid(other);
@@ -474,7 +475,7 @@ TEST(TipContact, FrictionOfAFlatEndOnCreepingPatchesDoesNotDependOnTheOrderOfThe
 
 // Law: full sliding lasts until every node sticks: until then a node that slips has the dynamic coefficient, also beside one that sticks.
 TEST(PartialSlip, FullSlidingLastsUntilEveryNodeSticks) {
-  const HalfSpace space(21, 1e-3, 5e3, 0.45);
+  const TangentialHalfSpace space(21, 1e-3, 5e3, 0.45);
   palpate::deformable::PartialSlip slip({0.8, 0.4}, space.nodes.size(), 100);
   const std::int32_t pressed[] = {0, 440};
   const double covers[] = {1.0, 1.0}, even[] = {1e-3, 1e-3}, uneven[] = {1e-3, 1e-1};

@@ -532,6 +532,18 @@ def test_a_tip_that_leaves_one_body_of_a_scene_inside_has_lost_it() -> None:
     assert 'the tip is in the body "one" without contact, 5.5 mm' in trace.verdict.reason
 
 
+def test_a_run_whose_body_is_no_longer_there_is_not_settled(tmp_path: Path) -> None:
+    """Its depth in the body is not known any more: a run that was undecided by its depth read back as settled."""
+    solid = bodies.block((0.04, 0.04, 0.02), 0.005)
+    bodies.build(solid, young=1e4, fixed="z < 0.1 mm", touch="z > 19.9 mm", order=1, output=tmp_path / "block.h5")
+    scenario = tables(on(tmp_path / "block.h5"), run={"duration": "1 s"})
+    assert simulate(scenario).verdict.state is State.SETTLED
+    trace = simulate(scenario)
+    (tmp_path / "block.h5").unlink()
+    assert trace.verdict.state is State.UNDECIDED
+    assert "the scenario of the run cannot be read any more" in trace.verdict.reason
+
+
 def test_the_depth_beside_the_touched_part_is_that_below_the_whole_surface() -> None:
     shape = bodies.block((0.04, 0.04, 0.02), 5e-3)
     body = bodies.build(shape, young=1e4, fixed="z < 0.1 mm", touch="box 0 0 19.9 to 15 40 21 mm")

@@ -89,6 +89,9 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
         kept = f"{100 * of_all[-1]:.3g} % of that in the fifth before"
         reason = f"the tip oscillates, but the oscillation of all tips together decays, to {kept}: run longer"
         return Verdict(State.UNDECIDED, reason)
+    if state is State.SETTLED and scenario is None and trace.metadata.get("scenario"):
+        reason = "the scenario of the run cannot be read any more, as where a file that it names is gone"
+        return Verdict(State.UNDECIDED, reason)
     if state is State.SETTLED and not _excited(trace):
         reason = "nothing excites the loop: give [reference] or [operator] a force"
         return Verdict(State.UNDECIDED, reason, linear=_text(linear))

@@ -18,22 +18,24 @@ from palpate.simulation.verdict import State, Verdict
 from palpate.stability.joint import JointStability, joint_stability
 
 
+def built(path: Path, size: tuple[float, float, float], fixed: str, touch: str) -> Path:
+    """A block of 10 kPa, in cells of 4 mm."""
+    fem.build(fem.block(size, 0.004), young=10e3, fixed=fixed, touch=touch, output=path)
+    return path
+
+
 @pytest.fixture(scope="module")
 def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """48 x 32 x 16 mm of 10 kPa, bonded below, touched on its top."""
+    """48 x 32 x 16 mm, bonded below, touched on its top."""
     path = tmp_path_factory.mktemp("body") / "block.h5"
-    shape = fem.block((0.048, 0.032, 0.016), 0.004)
-    fem.build(shape, young=10e3, fixed="z < 0.001 mm", touch="z > 15.9 mm", output=path)
-    return path
+    return built(path, (0.048, 0.032, 0.016), fixed="z < 0.001 mm", touch="z > 15.9 mm")
 
 
 @pytest.fixture(scope="module")
 def beam(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Cantilever of 32 x 12 x 12 mm of 10 kPa, touched on its top."""
+    """Cantilever of 32 x 12 x 12 mm, touched on its top."""
     path = tmp_path_factory.mktemp("body") / "beam.h5"
-    shape = fem.block((0.032, 0.012, 0.012), 0.004)
-    fem.build(shape, young=10e3, fixed="x < 0.1 mm", touch="z > 11.9 mm", output=path)
-    return path
+    return built(path, (0.032, 0.012, 0.012), fixed="x < 0.1 mm", touch="z > 11.9 mm")
 
 
 def device(block: Path, x: float, press: float = 2.0, **body: Any) -> dict[str, Any]:

@@ -190,8 +190,8 @@ def depth_where_untouched(trace: Recorded) -> float:
     """Return how deep a tip is, at the end of a trace, where the surface of a body is fixed, held or not touched, m.
 
     The surface there is the point nearest to the center of a sphere, or what lies outward of a flat end at its middle
-    or at points around it. It exerts no force. The depth is 0 below a tenth of the radius, if a contact node is at a
-    corner of that place, and if the body is no longer there.
+    or at points around it. It exerts no force. The depth is 0 below a tenth of the radius, and if the body is no longer
+    there. Between nodes that are touched and others the nearer ones count, under a flat end those that are touched.
     """
     if (found := _recorded_body(trace)) is None:
         return 0.0
@@ -206,9 +206,8 @@ def depth_where_untouched(trace: Recorded) -> float:
     else:
         surface = body.whole_surface
         nearest, faces = surface.nearest(ends)
-        corners = _weights(surface, nearest, faces) > _BORDER
-        free = (corners & touched[surface.triangles[faces]]).any(axis=1)
-        depths = _depths(body, surface, ends, choice.radius)[0][~free].tolist()
+        share = (_weights(surface, nearest, faces) * touched[surface.triangles[faces]]).sum(axis=1)
+        depths = _depths(body, surface, ends, choice.radius)[0][share < 0.5].tolist()
     deepest = max(depths, default=0.0)
     return float(deepest) if deepest > _DEEP * choice.radius else 0.0
 

@@ -213,3 +213,14 @@ def test_an_environment_pushes_as_the_operator_and_clips() -> None:
 def test_a_wrong_environment_is_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(PalpateError, match=says):
         Environment(PRESS, **options)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_a_loop_has_a_trace_without_samples_before_its_first_step(name: str) -> None:
+    loop = palpate.Loop(FOLDER / f"{name}.toml")
+    empty = loop.trace
+    assert len(empty) == 0
+    assert "no samples" in empty.verdict.reason
+    loop.step()
+    one = {key: channel.values.shape[1] for key, channel in loop.trace.channels.items()}
+    assert {key: channel.values.shape[1] for key, channel in empty.channels.items()} == one

@@ -18,6 +18,7 @@ from palpate.fem.support_changes import SupportChange, SupportPlan
 from palpate.scenario import Scenario
 from palpate.scenario.body import SupportChoice
 from palpate.simulation.bodies import scenario_body, support_changes
+from palpate.simulation.placed_objects import columns_of
 from palpate.simulation.simulator import BEYOND, Simulation, build_simulation
 from palpate.simulation.trace import Trace
 from palpate.units import write
@@ -174,7 +175,7 @@ class Loop:
         # `simulate` ends with its last sample and does not see the period after it.
         unstable = -1 if self._unstable_tick == self.samples else self._unstable_tick
         simulation = self._simulation
-        width = 3 * simulation.device.dof + 12 + simulation.tail_width
+        width = 3 * simulation.device.dof + 12 + columns_of(simulation.objects) + simulation.tail_width
         rows = np.array(self._rows) if self._rows else np.zeros((0, width))
         return simulation.trace(rows, unstable, np.array(self._references).reshape(-1, 3))
 

@@ -178,6 +178,11 @@ def _describe(placed: PlacedObject) -> None:
         setup.set_motion(placed.origin, touched.frame.rows())
 
 
+def columns_of(objects: Mapping[str, PlacedObject]) -> int:
+    """Return the number of columns of objects, by name, in a row of the core."""
+    return sum(placed.width + (sum(CONTACT.values()) if name else 0) for name, placed in objects.items())
+
+
 def object_channels(objects: Mapping[str, PlacedObject], columns: Array, tip: Array) -> dict[str, Array]:
     """Return the channels of the objects: first the deflection, then those of each object.
 

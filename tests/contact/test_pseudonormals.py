@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from palpate.contact.pseudonormals import Pseudonormals, _barycentric
+from palpate.contact.pseudonormals import Pseudonormals
+from palpate.contact.simplices import barycentric
 
 ROOF = np.array(
     [[0.0, 0.0, 1.0], [0.0, 2.0, 1.0], [-1.0, 0.0, 0.0], [-1.0, 2.0, 0.0], [1.0, 0.0, 0.0], [1.0, 2.0, 0.0]]
@@ -13,7 +14,7 @@ ROOF = np.array(
 def test_barycentric_weights_restore_a_point() -> None:
     corners = np.random.default_rng(6).normal(size=(20, 3, 3))
     weights = np.random.default_rng(7).dirichlet(np.ones(3), 20)
-    np.testing.assert_allclose(_barycentric(np.einsum("nk,nkx->nx", weights, corners), corners), weights, atol=1e-9)
+    np.testing.assert_allclose(barycentric(np.einsum("nk,nkx->nx", weights, corners), corners), weights, atol=1e-9)
 
 
 def test_the_normal_on_the_ridge_of_a_roof_halves_its_angle_from_either_side() -> None:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from palpate.arrays import Array, Indices
-from palpate.contact.simplices import area_vectors, cross, half_edges, unique_rows
+from palpate.contact.simplices import area_vectors, barycentric, cross, half_edges, unique_rows
 
 __all__ = ["Pseudonormals"]
 
@@ -25,7 +25,7 @@ class Pseudonormals:
 
     def at(self, points: Array, faces: Indices) -> Array:
         """Return the unit normals of the faces, edges or vertices on which points (m, 3) of `faces` (m,) lie (m, 3)."""
-        weights = _barycentric(points, self._points[self._triangles[faces]])
+        weights = barycentric(points, self._points[self._triangles[faces]])
         zero = weights < _ON_EDGE
         normal = self.of_faces[faces]
         edge = np.flatnonzero(zero.sum(axis=1) == 1)
@@ -63,13 +63,3 @@ class Pseudonormals:
 
 def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1), np.finfo(float).tiny)[:, None])
-
-
-def _barycentric(points: Array, corners: Array) -> Array:
-    """Return the weights (n, 3) of the corners (n, 3, 3) at points (n, 3) of their triangles."""
-    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
-    uu, uv, vv = (np.einsum("ij,ij->i", x, y) for x, y in ((u, u), (u, v), (v, v)))
-    wu, wv = np.einsum("ij,ij->i", w, u), np.einsum("ij,ij->i", w, v)
-    scale = np.maximum(uu * vv - uv**2, np.finfo(float).tiny)
-    second, third = (vv * wu - uv * wv) / scale, (uu * wv - uv * wu) / scale
-    return np.stack([1.0 - second - third, second, third], axis=1)

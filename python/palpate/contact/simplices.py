@@ -14,6 +14,7 @@ __all__ = [
     "FACES",
     "adjacent_faces",
     "area_vectors",
+    "barycentric",
     "boundary",
     "components",
     "cross",
@@ -38,6 +39,16 @@ def area_vectors(points: Array, triangles: Indices) -> Array:
     """Return the areas of triangles (k, 3) of points (n, 3), along their normals: (k, 3), m^2."""
     a, b, c = (points[triangles[:, i]] for i in range(3))
     return np.asarray(cross(b - a, c - a) / 2.0)
+
+
+def barycentric(points: Array, corners: Array) -> Array:
+    """Return the weights (n, 3) of the corners (n, 3, 3) at points (n, 3) of their triangles."""
+    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    uu, uv, vv = (np.einsum("ij,ij->i", x, y) for x, y in ((u, u), (u, v), (v, v)))
+    wu, wv = np.einsum("ij,ij->i", w, u), np.einsum("ij,ij->i", w, v)
+    scale = np.maximum(uu * vv - uv**2, np.finfo(float).tiny)
+    second, third = (vv * wu - uv * wv) / scale, (uu * wv - uv * wu) / scale
+    return np.stack([1.0 - second - third, second, third], axis=1)
 
 
 def volumes(points: Array, cells: Indices) -> Array:

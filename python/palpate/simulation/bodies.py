@@ -17,7 +17,7 @@ from palpate import _core
 from palpate import fem as bodies
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact import Mesh
-from palpate.contact.simplices import area_vectors
+from palpate.contact.simplices import area_vectors, barycentric, half_edges, unique_rows
 from palpate.errors import OutputError, PalpateError, ScenarioError
 from palpate.fem.contact_accuracy import has_known_error, unresolved
 from palpate.fem.support_changes import TOUCHED, SupportChange
@@ -204,10 +204,8 @@ def depth_where_untouched(trace: Recorded) -> float:
         places = [body.surface_along(end + place, np.array([0.0, 0.0, 1.0])) for end in ends for place in ring]
         depths = [depth for depth, corners in places if depth > 0.0 and not touched[corners].any()]
     else:
-        surface = body.whole_surface
-        nearest, faces = surface.nearest(ends)
-        share = (_weights(surface, nearest, faces) * touched[surface.triangles[faces]]).sum(axis=1)
-        depths = _depths(body, surface, ends, choice.radius)[0][share < 0.5].tolist()
+        depth, weights, corners = _depths(body, body.whole_surface, ends, choice.radius)
+        depths = depth[(weights * touched[corners]).sum(axis=1) < 0.5].tolist()
     deepest = max(depths, default=0.0)
     return float(deepest) if deepest > _DEEP * choice.radius else 0.0
 
@@ -228,41 +226,34 @@ def depths_at_rest(body: Body, centers: Array, radius: float) -> Array:
         centers: of the spheres (n, 3), m, body frame.
         radius: of the spheres, m.
     """
-    depth, beyond = _depths(body, body.surface, centers, radius)
+    depth, weights, corners = _depths(body, body.surface, centers, radius)
+    beyond = ((weights < _BORDER) | _at_border(body.surface)[corners]).all(axis=1) & (weights < _BORDER).any(axis=1)
     if beyond.any():  # the touched part of the surface ends there, the body does not
         depth[beyond] = _depths(body, body.whole_surface, centers[beyond], radius)[0]
     return depth
 
 
-def _depths(body: Body, surface: Mesh, centers: Array, radius: float) -> tuple[Array, Flags]:
-    """Return the depths (n,), m, below a part of the surface, and whether it is nearest at its border (n,)."""
+def _depths(body: Body, surface: Mesh, centers: Array, radius: float) -> tuple[Array, Array, Indices]:
+    """Return the depths (n,), m, of spheres below a part of the surface, and the points of it nearest to their centers.
+
+    A point is given by its barycentric coordinates (n, 3) and the corners (n, 3) of its triangle.
+    """
     nearest, faces = surface.nearest(centers)
-    triangles = surface.triangles[faces]
-    normals = area_vectors(surface.vertices, triangles)
+    corners = surface.triangles[faces]
+    weights = barycentric(nearest, surface.vertices[corners])
     distance = np.linalg.norm(centers - nearest, axis=1)
-    inside = np.einsum("ij,ij->i", centers - nearest, normals) <= 0.0
-    apart = _weights(surface, nearest, faces) < _BORDER  # from these corners: on the edge of the others
-    edge = apart.any(axis=1)  # there the normal of one face does not tell
+    inside = np.einsum("ij,ij->i", centers - nearest, area_vectors(surface.vertices, corners)) <= 0.0
+    edge = (weights < _BORDER).any(axis=1)  # there the normal of one face does not tell
     inside[edge] = [body.contains(center) for center in centers[edge]]
-    beyond = np.asarray(edge & (apart | _at_border(surface)[triangles]).all(axis=1))
-    return np.maximum(radius + np.where(inside, distance, -distance), 0.0), beyond
-
-
-def _weights(surface: Mesh, points: Array, faces: Indices) -> Array:
-    """Return the barycentric coordinates (n, 3) of points (n, 3) in faces (n,) of a surface."""
-    triangles = surface.triangles[faces]
-    corners = surface.vertices[triangles] - points[:, None]
-    normals = area_vectors(surface.vertices, triangles)
-    parts = np.einsum("ikj,ij->ik", np.cross(corners, np.roll(corners, -1, axis=1)), normals)
-    return np.asarray(np.roll(parts, 2, axis=1) / parts.sum(axis=1, keepdims=True))
+    return np.maximum(radius + np.where(inside, distance, -distance), 0.0), weights, corners
 
 
 def _at_border(surface: Mesh) -> Flags:
     """Return whether each vertex (v,) is at the border of an open surface."""
-    edges = np.sort(surface.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    different, count = np.unique(edges, axis=0, return_counts=True)
+    halves = half_edges(surface.triangles)
+    number = unique_rows(np.sort(halves, axis=1))[1]
     found = np.zeros(len(surface.vertices), dtype=bool)
-    found[different[count == 1]] = True
+    found[halves[np.bincount(number)[number] == 1]] = True
     return found
 
 

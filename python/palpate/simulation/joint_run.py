@@ -38,7 +38,7 @@ class JointRun:
         contacts: of each tip, in the body's frame; a row for each tick.
         tips: as the servo read them in each tick, each in its device's frame (m, k, 3), m.
         solved: whether the forces of all tips were found in each tick (m,).
-        overlap: why the run says nothing of real tips: two of them overlap at its end; None if none do.
+        overlap: that two tips overlap at the end of the run, as a sentence; None if none do.
     """
 
     traces: tuple[Trace, ...]

@@ -196,8 +196,8 @@ def _explained(
     never = state is State.CONTACT_LOST and not trace["touching"].any() and pushed_through(trace) is None
     if lacking is not None and (never or state in (State.SETTLED, State.UNDECIDED)):
         return Verdict(State.UNDECIDED, lacking, linear=_text(linear))
-    if state is State.SETTLED and (deep := next(filter(None, map(_too_deep, each_recorded(trace))), None)) is not None:
-        return Verdict(State.UNDECIDED, deep, linear=_text(linear))
+    if state is State.SETTLED and (why := next(filter(None, map(_not_held, each_recorded(trace))), None)) is not None:
+        return Verdict(State.UNDECIDED, why, linear=_text(linear))
     last_fifth = time[window.ending]
     axis, amplitude, frequency = _oscillation(last_fifth, held_tip(trace)[window.ending])
     swing = f"{1e3 * amplitude:.3g} mm along {axis}" + (f" at {frequency:.3g} Hz" if frequency else "")
@@ -285,8 +285,8 @@ def _by_distance(scenario: Scenario) -> bool:
     return any(one.body is not None and one.body.by_distance for one in objects)
 
 
-def _too_deep(trace: Recorded) -> str | None:
-    """Return that a tip ends in a body where the body does not hold it; None if it does not.
+def _not_held(trace: Recorded) -> str | None:
+    """Return why a body does not hold a tip at the end of a run as a real one would; None if it does.
 
     Its surface is fixed, held or not touched there, or it hardly yields. Tips of a gripper overlap. Or a body of small
     strains is pressed through a fixed part or, by signed distance, deeper than the tip's radius, where forces fall.

@@ -179,9 +179,9 @@ class MultirateObject final : public DeformableObject {
       along += forces_[i] * displacement;
       total += forces_[i];
       result_.friction -= force;
-      result_.energy += 0.5 * force.dot(displacement);
       node_forces_[i] += force;
     }
+    result_.energy += slip_.energy();
     if (total > 0.0) result_.deflection += along / total;
     result_.force += result_.friction;
     result_.sliding = slip_.sliding();

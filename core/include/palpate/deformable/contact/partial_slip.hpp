@@ -52,6 +52,7 @@ class PartialSlip {
   void step(const Surface& surface, const Model& model, const std::int32_t* contact_nodes, const double* forces, const double* coverages,
             int count, const Vector3<>& tip_motion) noexcept {
     if (count == 0) return reset();
+    ++steps_;
     const double mu = sliding_ ? friction_.mu_dynamic : friction_.mu_static;
     const int before = count_;
     std::fill_n(cone_radius_.begin(), count_, 0.0);
@@ -66,6 +67,12 @@ class PartialSlip {
     }
     if constexpr (has_memory<Model>)
       for (int s = before; s < count_; ++s) cone_radius_[at(s)] = 0.0;
+    double start_energy = 0.0;
+    if (changes_) {
+      start_energy = twice_energy();
+      start_force_.head(2 * count_) = force_.head(2 * count_);
+      start_lag_.head(2 * count_) = lag_.head(2 * count_);
+    }
     for (int s = 0; s < count_; ++s) {
       lag(s) += surface.tangent_basis(node_[at(s)]).transpose() * tip_motion;
       target_.segment<2>(2 * s) = displacement_.segment<2>(2 * s) + lag(s);
@@ -73,24 +80,37 @@ class PartialSlip {
     for (int s = 0; s < max_sweeps_ && !sweep(); ++s) {
     }
     displacement_.head(2 * count_) = target_.head(2 * count_) - lag_.head(2 * count_);
+    if (changes_) {
+      count_supply();
+      exchanged_ += std::abs(twice_energy() - start_energy);
+      limit_energy();
+    }
     update_slip_state(has_memory<Model> ? before : count_);
   }
 
   void reset() noexcept {
     for (int s = 0; s < count_; ++s) slot_of_[static_cast<std::size_t>(node_[at(s)])] = -1;
     count_ = 0;
-    left_over_ = 0.0;
-    sliding_ = false;
+    left_over_ = exchanged_ = 0.0;
+    steps_ = 0;
+    sliding_ = changes_ = false;
   }
 
   [[nodiscard]] bool empty() const noexcept { return count_ == 0; }
 
-  /// Adopt a changed compliance. The forces are kept, or scaled down so that they store no more energy than before and than earlier changes
-  /// have left over: a compliance that varies to and fro does not drain them.
+  /// Adopt a changed compliance. A model that holds for the state of the body at the first step of an interval between changes is adopted
+  /// at the end of that interval. The forces of sticking nodes that have grown meanwhile under an older compliance are therefore corrected
+  /// to the one at the middle of the interval they grew in, interpolated between this change and the next: the force stays an integral over
+  /// the way of the tip, to second order in the interval. Without it a tip that swings would drain or raise its force in every swing.
   template <class Model>
   void update_compliance(const Model& model) noexcept {
     const Eigen::Index size = 2 * count_;
-    const double before = force_.head(size).dot(displacement_.head(size));
+    const double before = twice_energy();
+    changes_ = true;
+    const double earlier = steps_ > 0 ? 0.5 - 1.0 / steps_ : 0.0;
+    steps_ = 0;
+    recent_.head(size) = force_.head(size) - adopted_force_.head(size) + earlier * recent_.head(size);
+    lag_.head(size) += compliance_.topLeftCorner(size, size) * recent_.head(size);
     for (int s = 0; s < count_; ++s) {
       for (int t = 0; t <= s; ++t) {
         const Eigen::Matrix2d block = model.tangential(node_[at(s)], node_[at(t)]);
@@ -99,14 +119,16 @@ class PartialSlip {
       }
       set_self_compliance(model, s);
     }
+    lag_.head(size) -= compliance_.topLeftCorner(size, size) * recent_.head(size);
+    recent_.head(size) = force_.head(size) - adopted_force_.head(size);
+    for (int s = 0; s < count_; ++s)
+      if (is_at_limit(s)) lag(s).setZero();
+    for (int s = 0; s < max_sweeps_ && !sweep(); ++s) {
+    }
     for (int s = 0; s < count_; ++s) displacement_.segment<2>(2 * s) = elastic_displacement(s, count_);
-    const double after = force_.head(size).dot(displacement_.head(size));
-    left_over_ += before - after;
-    if (left_over_ >= 0.0) return;
-    const double less = std::sqrt(std::max(after + left_over_, 0.0) / after);
-    left_over_ = 0.0;
-    force_.head(size) *= less;
-    displacement_.head(size) *= less;
+    left_over_ += before - twice_energy();
+    limit_energy();
+    adopted_force_.head(size) = force_.head(size);
   }
 
   /// Whether the whole contact slides: true from full sliding until every node sticks again.
@@ -121,6 +143,9 @@ class PartialSlip {
     const int s = slot_of_[static_cast<std::size_t>(node)];
     return s < 0 ? Eigen::Vector2d::Zero() : Eigen::Vector2d(displacement_.segment<2>(2 * s));
   }
+
+  /// Energy stored by the forces of the last step, at most what the tip has supplied, J.
+  [[nodiscard]] double energy() const noexcept { return 0.5 * std::max(twice_energy() + std::min(left_over_, 0.0), 0.0); }
 
   /// q.T q of the last step [N m], with the compliance T of the fully covered patches within a period.
   [[nodiscard]] double compliance_work() const noexcept {
@@ -162,7 +187,9 @@ class PartialSlip {
   template <class Model>
   static constexpr bool new_points_are_unloaded = requires { Model::new_points_are_unloaded; };
 
-  static constexpr double tolerance = 1e-3;  // convergence: largest force change relative to the largest force
+  static constexpr double most_energy = 4.0;
+  static constexpr double unaccounted = 1e-3;  // of the exchanged energy
+  static constexpr double tolerance = 1e-3;    // convergence: largest force change relative to the largest force
   static constexpr double round_off = 1e-14;
   static constexpr double cone_tolerance = 1e-9;  // relative; keeps the slip state independent of the last bits
 
@@ -209,6 +236,8 @@ class PartialSlip {
     set_self_compliance(model, s);
     creep_state_[at(s)].setZero();
     force_.segment<2>(2 * s).setZero();
+    adopted_force_.segment<2>(2 * s).setZero();
+    recent_.segment<2>(2 * s).setZero();
     lag(s).setZero();
     memory_displacement_.segment<2>(2 * s).setZero();
     if constexpr (has_memory<Model>) memory_displacement_.segment<2>(2 * s) = model.free_tangential_displacement(node);
@@ -274,6 +303,39 @@ class PartialSlip {
     return !(max_change > tolerance * tolerance * max_force);
   }
 
+  /// Force times displacement [N m]: twice the energy that the forces store while the compliance does not change.
+  [[nodiscard]] double twice_energy() const noexcept { return force_.head(2 * count_).dot(displacement_.head(2 * count_)); }
+  /// Exclude from the energy that the tip has supplied what this step's sweeps have changed by making up for the lag of the last one.
+  void count_supply() noexcept {
+    for (int s = 0; s < count_; ++s) {
+      Eigen::Vector2d made_up = start_lag_.segment<2>(2 * s);
+      if (!slips(s)) made_up -= lag(s);
+      left_over_ -= (start_force_.segment<2>(2 * s) + force_.segment<2>(2 * s)).dot(made_up);
+    }
+  }
+
+  /// Scale the forces down where they would store more than `most_energy` times the energy that the tip has supplied and slip has not
+  /// dissipated. In a body that softens with the way, less energy is supplied than its tangent compliance suggests; the bound keeps what
+  /// the tip can take out below what it has supplied and a thousandth of what has gone to and fro. Without that allowance the errors of the
+  /// sum would drain the force of a tip that swings to the place of its first contact, where the energy is zero.
+  void limit_energy() noexcept {
+    if (left_over_ >= 0.0) return;
+    const double energy = twice_energy(), allowed = most_energy * std::max(energy + left_over_ + unaccounted * exchanged_, 0.0);
+    if (energy <= allowed) return;
+    const double less = std::sqrt(allowed / energy);
+    force_.head(2 * count_) *= less;
+    displacement_.head(2 * count_) *= less;
+    left_over_ += energy - allowed;
+  }
+
+  /// Whether the force of a slot reaches its friction cone.
+  [[nodiscard]] bool is_at_limit(int s) const noexcept {
+    return force_.segment<2>(2 * s).squaredNorm() >= (1.0 - cone_tolerance) * cone_radius_[at(s)] * cone_radius_[at(s)];
+  }
+
+  /// Whether the lag of a slot is slip.
+  [[nodiscard]] bool slips(int s) const noexcept { return is_at_limit(s) && force_.segment<2>(2 * s).dot(lag_.segment<2>(2 * s)) > 0.0; }
+
   /// Reset the lag of slipping nodes and remove slots without normal force. Slots from `first_new` on are not subject to friction yet.
   void update_slip_state(int first_new) noexcept {
     bool all = true, any = false;
@@ -284,13 +346,11 @@ class PartialSlip {
         remove_slot(s);
         continue;
       }
-      const auto q = force_.segment<2>(2 * s);
-      const double along = q.dot(lag(s));
-      const bool at_limit = q.squaredNorm() >= (1.0 - cone_tolerance) * radius * radius;
-      const bool slips = at_limit && along > cone_tolerance * max_compliance_[at(s)] * radius * radius;
-      all = all && slips;
-      any = any || slips;
-      if (at_limit && along > 0.0) lag(s).setZero();
+      const double along = force_.segment<2>(2 * s).dot(lag(s));
+      const bool slides = is_at_limit(s) && along > cone_tolerance * max_compliance_[at(s)] * radius * radius;
+      all = all && slides;
+      any = any || slides;
+      if (slips(s)) lag(s).setZero();
     }
     sliding_ = any && (all || sliding_);
   }
@@ -309,6 +369,8 @@ class PartialSlip {
     layer_compliance_[at(s)] = layer_compliance_[at(last)];
     creep_state_[at(s)] = creep_state_[at(last)];
     force_.segment<2>(2 * s) = force_.segment<2>(2 * last);
+    adopted_force_.segment<2>(2 * s) = adopted_force_.segment<2>(2 * last);
+    recent_.segment<2>(2 * s) = recent_.segment<2>(2 * last);
     lag_.segment<2>(2 * s) = lag_.segment<2>(2 * last);
     displacement_.segment<2>(2 * s) = displacement_.segment<2>(2 * last);
     memory_displacement_.segment<2>(2 * s) = memory_displacement_.segment<2>(2 * last);
@@ -321,8 +383,11 @@ class PartialSlip {
   DryFriction friction_;
   int max_sweeps_ = 0;
   bool sliding_ = false;
-  double left_over_ = 0.0;             // by changes of the compliance, force times displacement, N m
+  bool changes_ = false;               // the compliance has changed during the contact
+  double left_over_ = 0.0;             // twice the energy by which changes of the compliance have reduced what is stored, J
+  double exchanged_ = 0.0;             // twice the sum of the changes of the stored energy by ticks, J
   int count_ = 0;                      // slots in use
+  int steps_ = 0;                      // since the last change of the compliance
   std::vector<std::int16_t> slot_of_;  // by surface node, or -1
   Eigen::MatrixXd compliance_;         // m/N, by slot, in tangent planes; eight padding rows avoid cache-line conflicts between columns
   std::array<std::int32_t, capacity> node_{};
@@ -334,6 +399,10 @@ class PartialSlip {
   std::array<Eigen::Vector2d, capacity> creep_state_{};       // delayed force of each patch (see Creep), N
   Creep creep_;
   SlotVector force_ = SlotVector::Zero();                // q, N
+  SlotVector adopted_force_ = SlotVector::Zero();        // at the last change of the compliance, N
+  SlotVector recent_ = SlotVector::Zero();               // change of the force in the interval before it, N
+  SlotVector start_force_ = SlotVector::Zero();          // at the start of the step, N
+  SlotVector start_lag_ = SlotVector::Zero();            // likewise, without the motion of the tip, m
   SlotVector lag_ = SlotVector::Zero();                  // lag of the node behind the tip, m
   SlotVector displacement_ = SlotVector::Zero();         // of the node, m
   SlotVector memory_displacement_ = SlotVector::Zero();  // part of it caused by forces of earlier ticks, m

@@ -42,6 +42,9 @@ class LinearLocalSlip {
   [[nodiscard]] Vector3<> force(std::int32_t node) const noexcept { return nodes_->tangent_basis(node) * slip_.force(node); }
   [[nodiscard]] Vector3<> displacement(std::int32_t node) const noexcept { return nodes_->tangent_basis(node) * slip_.displacement(node); }
 
+  /// Energy that friction stores, J.
+  [[nodiscard]] double energy() const noexcept { return slip_.energy(); }
+
   void reset() noexcept {
     slip_.reset();
     ratio_ = 1.0;

@@ -22,11 +22,11 @@ namespace palpate::deformable {
 /// stiffening and softening under load. The scale is the ratio of C to the normal compliance at rest, or the largest one that leaves a
 /// positive common displacement. For a body with inertia or relaxation, whose C holds for a moment only, the ratio is 1: it yields as in
 /// the long term.
+/// The plane of a sticking contact follows the contact direction with a play of 0.05 rad.
 ///
 /// The elastic layer yields in shear in series with the body: its shear stiffness is h 2 (1 - nu) / (2 - nu) (Mindlin 1949), with the
 /// largest stiffness h of its points in contact since the node carries a force. Points that come into contact begin without force. When the
-/// model changes, the forces are kept or reduced, so that they never store more energy than the tip supplied; when the plane rotates, they
-/// rotate with it.
+/// model changes, PartialSlip::update_compliance() corrects the forces, without energy; when the plane rotates, they rotate with it.
 class LocalModelSlip {
  public:
   static constexpr bool new_points_are_unloaded = true;  ///< for PartialSlip
@@ -44,7 +44,7 @@ class LocalModelSlip {
   /// through a layer of the stiffness `layer_stiffness` [N/m]; `model` is the newest local model.
   void step(const LocalModel& model, const Vector3<>& outward, const std::int32_t* contact_nodes, const double* forces,
             const double* layer_stiffness, int count, const Vector3<>& tip_motion) noexcept {
-    if (count > 0) rotate_plane(outward);
+    if (count > 0) follow(outward);
     if (model.version != version_ || (count > 0 && slip_.empty())) adopt(model);
     for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
       const double shear = std::max(shear_ratio_ * layer_stiffness[k], least_stiffness) * tangential_layer_compliance;
@@ -56,6 +56,9 @@ class LocalModelSlip {
   /// Friction force [N] on a node of the last step, and its displacement with that of the layer [m].
   [[nodiscard]] Vector3<> force(std::int32_t node) const noexcept { return tangent_plane_ * slip_.force(node); }
   [[nodiscard]] Vector3<> displacement(std::int32_t node) const noexcept { return tangent_plane_ * slip_.displacement(node); }
+
+  /// Energy that friction stores, J.
+  [[nodiscard]] double energy() const noexcept { return slip_.energy(); }
 
   void reset() noexcept {
     slip_.reset();
@@ -75,6 +78,8 @@ class LocalModelSlip {
  private:
   static constexpr double tangential_layer_compliance = 1.0;  // m/N: any, as the coverage is chosen for it
   static constexpr double least_stiffness = 1e-9;             // N/m
+  static constexpr double play = 0.05;                        // rad
+  static constexpr double alignment = 1e-3;                   // of a sliding contact per tick, rad
 
   [[nodiscard]] static Eigen::Matrix<double, 3, 2> world_plane() noexcept { return Eigen::Matrix<double, 3, 2>::Identity(); }
 
@@ -121,12 +126,23 @@ class LocalModelSlip {
     common_ = whole - scale_ * was;
   }
 
-  /// Rotate the tangent plane by the smallest angle.
-  void rotate_plane(const Vector3<>& outward) noexcept {
-    Vector3<> one = tangent_plane_.col(0) - outward.dot(tangent_plane_.col(0)) * outward;
-    if (one.squaredNorm() < 0.01) one = outward.unitOrthogonal();
+  /// Let the tangent plane follow the contact direction: at once in a new contact, gradually while the contact slides, and otherwise by as
+  /// much as leaves an angle of `play`. The direction is that of an older model; if a swing of a sticking tip rotated the plane with it,
+  /// the delay would drain the force.
+  void follow(const Vector3<>& outward) noexcept {
+    if (slip_.empty()) return rotate_plane(outward);
+    const Vector3<> normal = tangent_plane_.col(0).cross(tangent_plane_.col(1)), away = normal - outward.dot(normal) * outward;
+    const double sine = away.norm(), left = std::min(sine, play) - (slip_.sliding() ? alignment : 0.0);
+    if (left < sine && outward.dot(normal) > 0.0) return rotate_plane((outward + std::max(left, 0.0) / sine * away).normalized());
+    if (left < sine) rotate_plane(outward);
+  }
+
+  /// Rotate the tangent plane to a normal by the smallest angle.
+  void rotate_plane(const Vector3<>& normal) noexcept {
+    Vector3<> one = tangent_plane_.col(0) - normal.dot(tangent_plane_.col(0)) * normal;
+    if (one.squaredNorm() < 0.01) one = normal.unitOrthogonal();
     tangent_plane_.col(0) = one.normalized();
-    tangent_plane_.col(1) = outward.cross(tangent_plane_.col(0));
+    tangent_plane_.col(1) = normal.cross(tangent_plane_.col(0));
   }
 
   PartialSlip slip_;

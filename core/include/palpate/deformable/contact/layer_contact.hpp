@@ -116,7 +116,9 @@ class LayerContact {
   double settle(const NearNodes& near, Place& p) noexcept {
     const NearNodes::Tip& tip = near.tip_of(p);
     if (LayerCreep* const creep = creep_under(tip); creep != nullptr) {
-      p.layer_energy = points_at<true>(tip, p, position(near, p)).energy;
+      const PressedPoints settled = points_at<true>(tip, p, position(near, p));
+      p.layer_energy = settled.energy;
+      p.crept = p.stiffness > 0.0 ? settled.crept / p.stiffness : 0.0;
       creep->mark(p.node);
     }
     return p.layer_energy + friction_.stored_energy(p);

@@ -54,6 +54,7 @@ class NearNodes {
     Vector3<> free = Vector3<>::Zero();            // displacement at the end of the period without force, m
     Vector3<> free_change = Vector3<>::Zero();     // of `free` since the last period, m
     double layer_energy = 0.0;                     // of the points in contact, J
+    double crept = 0.0;                            // creep of the layer, mean of the points in contact, m
     Vector3<> change = Vector3<>::Zero();          // last change of the force, N
     Vector3<> displacement = Vector3<>::Zero();    // m
     Vector3<> target = Vector3<>::Zero();          // resultant of the node's points, N

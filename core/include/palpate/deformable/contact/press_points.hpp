@@ -26,6 +26,7 @@ struct PressedPoints {
   Grip grip{};                          ///< its stiffness does not jump as a point comes into contact
   double energy = 0.0;                  ///< J
   double clearance = 0.0;               ///< signed distance of the tip from the nearest point, m
+  double crept = 0.0;                   ///< creep of the points in contact before the period, weighted by their stiffness, N
 };
 
 namespace detail {
@@ -71,9 +72,9 @@ template <class Scalar>
 }  // namespace detail
 
 /// Press the points of a node at `at` relative to the tip [m]. With `settle` record the creep of the layer at the end of the period
-/// instead; the energy is the one stored then, without LayerCreep::delayed_energy(), and there is no force. `layer` is null without creep.
-/// Points less deep than the `friction`'s depth, if that is not 0, count in proportion to their depth in `grip`. `Scalar` is FloatPack or
-/// DoublePack, which cannot settle.
+/// instead; `energy` is the one stored then, without LayerCreep::delayed_energy(), `crept` is set, and there is no force. `layer` is null
+/// without creep. Points less deep than the `friction`'s depth, if that is not 0, count in proportion to their depth in `grip`. `Scalar` is
+/// FloatPack or DoublePack, which cannot settle.
 template <bool settle, class Scalar = detail::FloatPack>
 PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const Vector3<>& at, LayerCreep* layer,
                            const RubbedPoints& friction = {}) noexcept {
@@ -83,7 +84,7 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
   const auto load = [&points](std::size_t number, std::size_t q) { return detail::read_pack<Scalar>(points.coordinate(number) + q); };
   Vector3<Scalar> force(Scalar(0.0), Scalar(0.0), Scalar(0.0));
   Vector3<Scalar> carried(Scalar(0.0), Scalar(0.0), Scalar(0.0));
-  Scalar stiffness(0.0), grip(0.0), sheared(0.0), energy(0.0), delayed(0.0), deepest(-std::numeric_limits<float>::max());
+  Scalar stiffness(0.0), grip(0.0), sheared(0.0), energy(0.0), delayed(0.0), creep(0.0), deepest(-std::numeric_limits<float>::max());
   const Scalar remaining(layer != nullptr ? static_cast<double>(layer->remaining(node)) : 0.0);
   for (std::size_t q = points.begin(node); q < points.end(node); q += lanes) {
     const Vector3<Scalar> y(load(0, q) + Scalar(at[0]), load(1, q) + Scalar(at[1]), load(2, q) + Scalar(at[2]));
@@ -110,6 +111,7 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
       *detail::as_packs(layer->state() + q) = crept + more;
       energy += load(6, q) * (weight * Scalar(static_cast<double>(layer->series())) * depth * depth);
       delayed += load(6, q) * (more * (crept + (crept + more)));
+      creep += select(excess > Scalar(0.0), pressed * (in.slope * in.slope), Scalar(0.0)) * crept;
       continue;
     }
     const Scalar turned = load(6, q) * (Scalar(6.0) * x * (Scalar(1.0) - x)) * depth * depth;
@@ -135,6 +137,7 @@ PressedPoints press_points(std::int32_t node, const NearNodes::Tip& tip, const V
   PressedPoints all{.energy = 0.5 * detail::total_of(energy), .clearance = -detail::most_of(deepest)};
   if constexpr (settle) {
     layer->add_energy(0.5 * static_cast<double>(layer->delayed()) * detail::total_of(delayed));
+    all.crept = detail::total_of(creep);
   } else {
     const auto sums = detail::totals_of(force[0], force[1], force[2], stiffness);
     all.force = Vector3<>(sums[0], sums[1], sums[2]);

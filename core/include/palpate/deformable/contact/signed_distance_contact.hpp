@@ -365,7 +365,7 @@ class SignedDistanceContact {  // NOLINT(clang-analyzer-optin.performance.Paddin
       result.friction -= p.traction;
       if (friction() || !near_.tip_of(p).shape.is_sphere()) result.moment -= lever(p, size).cross(p.force + p.traction);
       result.deflection += size * p.displacement;
-      if (p.stiffness > 0.0) result.deflection += (size / p.stiffness) * p.force;
+      if (p.stiffness > 0.0) result.deflection += (size / p.stiffness + p.crept) * p.force;
     }
     for (int t = 0; t < near_.tip_count(); ++t) {
       ContactResult& result = results_[at(t)];

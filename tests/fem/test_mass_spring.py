@@ -176,3 +176,22 @@ def test_it_comes_from_a_file_and_bad_numbers_are_told(body: Body, tmp_path: Pat
         body.mass_spring(0.0)
     with pytest.raises(BodyError, match="must not be negative"):
         body.mass_spring("1 ms", rayleigh_alpha=-1.0)
+
+
+def test_a_network_that_is_unstable_at_rest_is_refused() -> None:
+    """Below a Poisson's ratio of 1/4 pressures are negative: springs of a soft skin do not bear those of the core."""
+    solid = block((0.03, 0.03, 0.02), 0.004)
+
+    def skinned(poisson: float) -> Body:
+        layered = bodies.build(
+            solid, young=1e4, poisson=poisson, fixed=BOTTOM, touch=TOP, surface_layer="4 mm = 0.5 kPa"
+        )
+        return layered.mass_spring("1 ms")
+
+    with pytest.raises(BodyError, match=r"mass_spring: below a Poisson's ratio of 0.25 .* unstable at rest"):
+        skinned(0.1)
+    assert skinned(0.3).indent([0.015, 0.015, 0.02], 8e-3, 5e-4, tip="flat").force[2] > 0.0
+    assert (
+        bodies.build(solid, young=1e4, poisson=0.1, fixed=BOTTOM, touch=TOP).mass_spring("1 ms").kind.name
+        == "mass_spring"
+    )

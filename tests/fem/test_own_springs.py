@@ -331,6 +331,37 @@ def test_a_mechanism_is_told() -> None:
         build_springs(**chain(4, tension=-0.2))
 
 
+@pytest.mark.parametrize("ratio", [0.9, 0.999, 1.001, 1.08, 1.12, 1.2, 1.32, 1.46, 2.0])
+def test_a_membrane_is_refused_exactly_if_it_is_compressed(ratio: float) -> None:
+    """Across its plane a net of springs has the stiffness of its tension: negative if the rest lengths are longer."""
+    side, step = 7, 5e-3
+    at = np.arange(side * side).reshape(side, side)
+    x, y = np.meshgrid(step * np.arange(side), step * np.arange(side), indexing="ij")
+    corners = [at[:-1, :-1].ravel(), at[1:, :-1].ravel(), at[1:, 1:].ravel(), at[:-1, 1:].ravel()]
+    inner = np.zeros((side, side), dtype=bool)
+    inner[1:-1, 1:-1] = True
+    threads = [np.stack([at[:-1], at[1:]], axis=-1), np.stack([at[:, :-1], at[:, 1:]], axis=-1)]
+
+    def made() -> Body:
+        return build_springs(
+            np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3),
+            np.concatenate([pairs.reshape(-1, 2) for pairs in threads]),
+            stiffness="200 N/m",
+            rest_lengths=ratio * step,
+            masses="0.1 g",
+            fixed=~inner.ravel(),
+            triangles=np.concatenate(
+                [np.stack([corners[0], *corners[1:3]], axis=1), np.stack([corners[0], *corners[2:]], axis=1)]
+            ),
+        )
+
+    if ratio < 1.0:
+        assert np.linalg.eigvalsh(made().compliance.astype(float)).min() > 0.0
+    else:
+        with pytest.raises(BodyError, match=r"can move along [xyz] with"):
+            made()
+
+
 def test_other_models_are_refused_in_one_sentence() -> None:
     body = build_springs(**lattice())
     for model in (

@@ -332,7 +332,8 @@ class Body(IndentableBody):
         the force grows linearly. The numerical damping of a hardening law is that of its largest stiffness.
 
         Raises:
-            BodyError: a number is out of range, both laws are given, or the model needs more than 4 GB.
+            BodyError: a number is out of range, both laws are given, or the model needs more than 4 GB. Or the network
+                is unstable at rest, as below a Poisson's ratio of 0.25 where stiff material adjoins soft material.
         """
         options = {
             "period": tick_period(period),
@@ -347,6 +348,7 @@ class Body(IndentableBody):
             )
         update = _update(update_interval, options["period"])
         body = self._with_model("mass_spring", options | update, static_friction, dynamic_friction)
+        self._check_network()
         body.spring_network = self.spring_network
         arguments: list[Any] = [*self._arrays()[:3], *self._network_arrays().values()]
         static, dynamic = body.kind.friction

@@ -20,13 +20,14 @@ from palpate.fem.checks import lengths, number
 from palpate.fem.errors import BodyError
 from palpate.fem.hat_functions import hat_integrals, mean_normals
 from palpate.fem.selectors import Selector
-from palpate.fem.spring_network import SpringNetwork, contact_patches
+from palpate.fem.spring_network import SpringNetwork, contact_patches, unstable_row
 from palpate.fem.storage import RANGES, SPRINGS, BodyData, check_target, write
 
 _UNBALANCED: Final = 1e-6  # force on a free vertex at rest, relative to the largest force of a spring
 _STORED: Final = {"stiffness": "spring_stiffness", "damping": "spring_damping"}  # in a body file
 _MECHANISM: Final = 1e-9  # least eigenvalue of the stiffness, relative to its largest diagonal entry
 _ONE: Final = {"springs": "spring", "vertices": "vertex"}
+_BUCKLES: Final = "with negative stiffness, as when it buckles"
 _MAX_MEMORY: Final = 4e9  # bytes of the right-hand sides of the compliance
 
 
@@ -293,9 +294,13 @@ def _check_mechanism(stiffness: sparse.csc_matrix, free: Indices) -> None:
         start = np.random.default_rng(1).normal(size=len(free))
         values, shapes = eigsh(stiffness, k=1, sigma=-0.1 * _MECHANISM * scale, which="LM", v0=start)
     if values[0] > _MECHANISM * scale:
-        return
-    row = int(free[np.argmax(np.abs(shapes[:, 0]))])
-    what = "without stiffness" if values[0] > -_MECHANISM * scale else "with negative stiffness, as when it buckles"
+        buckled = unstable_row(stiffness, 0.0)  # the eigenvalue nearest to zero may not be the lowest one
+        if buckled is None:
+            return
+        row, what = int(free[buckled]), _BUCKLES
+    else:
+        row = int(free[np.argmax(np.abs(shapes[:, 0]))])
+        what = "without stiffness" if values[0] > -_MECHANISM * scale else _BUCKLES
     raise BodyError(
         f"springs: vertex {row // 3} can move along {'xyz'[row % 3]} {what}; add springs across, or tension by shorter "
         "rest_lengths"

@@ -22,7 +22,7 @@ from math import factorial, prod
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import cg
+from scipy.sparse.linalg import cg, splu
 
 from palpate.arrays import Array, Indices
 from palpate.contact.simplices import area_vectors, equal_neighbors, unique_rows
@@ -127,6 +127,19 @@ def given_network(contents: BodyData) -> SpringNetwork:
         contents.rest_lengths,
         contents.spring_damping,
     )
+
+
+def unstable_row(stiffness: sparse.csc_matrix, least: float) -> int | None:
+    """Return a row in which a symmetric matrix has an eigenvalue below `least`, or None if it has none.
+
+    The signs of the pivots of a symmetric factorization are those of the eigenvalues (Sylvester).
+    """
+    shifted = (stiffness - least * sparse.eye(stiffness.shape[0])).tocsc()
+    factor = splu(
+        shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
+    )
+    negative = np.flatnonzero(factor.U.diagonal() <= 0.0)
+    return int(np.argsort(factor.perm_c)[negative[0]]) if len(negative) else None
 
 
 def contact_patches(

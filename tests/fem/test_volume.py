@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate.contact.simplices import volumes
-from palpate.fem import BodyError, Volume, block
+from palpate.fem import BodyError, BodyWarning, Volume, block
 from palpate.fem import volume as module
 from palpate.fem.closed_surface import ClosedSurface
-from palpate.fem.volume import _check_count, _not_finite, check_mesher, fill_surface, grid, read_volume
+from palpate.fem.volume import _check_count, _not_finite, check_mesher, fill, fill_surface, grid, read_volume
 from palpate.fem.winding_number import WindingNumber
 
 CORNERS = np.array([[0.0, 0, 0], [0.01, 0, 0], [0, 0.02, 0], [0, 0, 0.03]])
@@ -178,14 +178,15 @@ def test_a_filled_surface_has_its_volume_within_a_tenth(monkeypatch: pytest.Monk
         ) as e:
             filled(surface, 0.005, share * whole, 1, monkeypatch)
         assert f"fill {8 * share:.4g} cm^3" in str(e.value)
-        assert f"such as {1e3 * surface.thickness / 2.0:.2g} mm" in str(e.value)
+        assert "such as 2.5 mm" in str(e.value)  # half of the spacing, which is less than the thickness
 
 
 def test_a_filled_surface_has_no_more_pieces_than_the_surface_has_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     one, two = box(), box(gap=0.01)
     filled(one, 0.005, 0.02**3, 1, monkeypatch)
     filled(two, 0.005, 2 * 0.02**3, 2, monkeypatch)
-    filled(two, 0.005, 2 * 0.02**3, 1, monkeypatch)
+    with pytest.raises(BodyError, match="join or fill 1 of the 2 parts and cavities"):
+        filled(two, 0.005, 2 * 0.02**3, 1, monkeypatch)
     with pytest.raises(BodyError, match=r"tetrahedra of 5 mm fill 2 pieces of a surface of 1 part: .* such as 2.5 mm"):
         filled(one, 0.005, 0.02**3, 2, monkeypatch)
     with pytest.raises(BodyError, match="fill 3 pieces of a surface of 2 parts: it is too thin in places"):
@@ -240,7 +241,7 @@ def test_a_reader_of_meshes_has_a_minute_and_2_gb_and_more_for_larger_files(
     def read(_code: str, given: dict[str, Any], **options: float) -> dict[str, Any]:
         assert given == {"path": str(file)}
         limits.update(options)
-        return {"points": np.column_stack([1e3 * CORNERS, [9, 9, 9, 9]]), "cells": np.arange(4)[None]}
+        return {"points": np.column_stack([1e3 * CORNERS, [9, 9, 9, 9]]), "cells": np.arange(4)[None], "other": []}
 
     monkeypatch.setattr(module, "run_isolated", read)
     file.write_bytes(b"x" * 100_000)
@@ -267,3 +268,63 @@ def test_a_file_without_points_in_space_or_cells_has_no_tetrahedra(
     monkeypatch.setattr(module, "run_isolated", lambda *_, **__: {"points": points, "cells": cells})
     with pytest.raises(BodyError, match="the file has no tetrahedra"):
         read_volume(file, unit="mm")
+
+
+def boxes(*limits: tuple[list[float], list[float]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the surfaces of boxes between corners, mm: vertices, m, and triangles."""
+    vertices, faces = [], []
+    for low, high in limits:
+        made = block(tuple(1e-3 * (np.array(high) - low)), tuple(1e-3 * (np.array(high) - low)))
+        faces.append(made.surface + 8 * len(vertices))
+        vertices.append(made.points + 1e-3 * np.array(low))
+    return np.vstack(vertices), np.vstack(faces)
+
+
+@pytest.mark.parametrize(
+    ("shells", "coarse", "fine"),
+    [
+        ([([0, 0, 0], [8, 16, 32]), ([9.5, 0, 0], [17.5, 16, 32])], 3.0, 1.6),
+        ([([0, 0, 0], [40, 40, 20]), ([8, 8, 14], [32, 32, 16])], 6.0, 2.5),
+    ],
+)
+def test_a_gap_or_a_cavity_thinner_than_the_cells_is_not_filled_silently(
+    shells: list[tuple[list[float], list[float]]], coarse: float, fine: float
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with pytest.raises(BodyError, match=r"spacing: .* join or fill 1 of the 2 parts and cavities of the surface"):
+            fill(*boxes(*shells), 1e-3 * coarse)
+        made = fill(*boxes(*shells), 1e-3 * fine)
+    expected = sum(
+        np.prod(np.subtract(high, low)) * (-1) ** (k * (high[2] < 20)) for k, (low, high) in enumerate(shells)
+    )
+    assert made.size == pytest.approx(1e-9 * expected, rel=0.05)
+
+
+def shifted(one: Volume, by: list[float]) -> Volume:
+    """Two copies of a mesh, the second one moved."""
+    points = np.vstack([one.points, one.points + np.array(by)])
+    return Volume(points, np.vstack([one.tetrahedra, one.tetrahedra + len(one.points)]))
+
+
+def test_parts_that_overlap_are_refused_and_parts_that_touch_cause_a_warning() -> None:
+    one = block((0.02, 0.02, 0.01), 0.005)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        one.check_joints()
+        shifted(one, [0.0, 0.0, 0.0101]).check_joints()
+    for by in ([0.0, 0.0, 0.0], [0.007, 0.001, 0.0]):
+        with pytest.raises(BodyError, match="parts of the mesh overlap each other"):
+            shifted(one, by).check_joints()
+    with pytest.warns(BodyWarning, match="touch each other along 32 triangles whose points they do not share"):
+        shifted(one, [0.0, 0.0, 0.01]).check_joints()
+
+
+@pytest.mark.parametrize(("kind", "corners"), [("hexahedron", 8), ("wedge", 6), ("pyramid", 5)])
+def test_a_file_with_other_cells_besides_tetrahedra_is_refused(kind: str, corners: int, tmp_path: Path) -> None:
+    meshio = pytest.importorskip("meshio")
+    points = np.random.default_rng(1).uniform(size=(12, 3))
+    mesh = meshio.Mesh(points, [("tetra", np.array([[0, 1, 2, 3]])), (kind, np.arange(corners)[None] + 4)])
+    mesh.write(tmp_path / "mixed.vtu")
+    with pytest.raises(BodyError, match=rf"1 cells of another kind \({kind}\) besides tetrahedra"):
+        read_volume(tmp_path / "mixed.vtu", unit="mm")

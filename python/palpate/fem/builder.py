@@ -128,6 +128,7 @@ def build(
     volume = volume_of(
         source, unit=unit, spacing=spacing, mesher=mesher, check=check, growth=growth, touch=contact if growth else None
     )
+    volume.check_joints()
     stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
     elements = Elements(volume, material, dirichlet, contact, order)
     contents = _condense(elements, modes, memory, stages, {"unit": unit, "modes": modes, "growth": growth})

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import format_size
-from palpate.contact.mesh import check_triangles, check_vertices
-from palpate.contact.simplices import adjacent_faces, components, volumes
+from palpate.contact.mesh import check_triangles, check_vertices, weld
+from palpate.contact.simplices import adjacent_faces, components, equal_neighbors, volumes
 from palpate.fem.checks import length, lengths, positive, unit_of_length, warn_of_size
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError, BodyWarning
@@ -25,6 +25,7 @@ from palpate.fem.mesh_estimate import MAX_SPACING
 from palpate.fem.mesh_improvement import improve, manifold
 from palpate.fem.mesher import tetrahedra
 from palpate.fem.refinement import Size, refine
+from palpate.fem.winding_number import WindingNumber
 from palpate.files import check_readable
 from palpate.files.isolated import IsolatedError, run_isolated
 
@@ -50,13 +51,17 @@ import meshio
 
 mesh = meshio.read(str(np.load("inputs.npz")["path"]))
 cells = [block.data[:, :4] for block in mesh.cells if block.type in ("tetra", "tetra10")]
+others = ("hexahedron", "wedge", "pyramid", "voxel", "penta", "polyhedron")
+other = np.array([block.type for block in mesh.cells if block.type.startswith(others) for _ in block.data], dtype=str)
 cells = np.concatenate(cells) if cells else np.empty((0, 4), dtype=int)
-np.savez("result.npz", points=np.asarray(mesh.points, dtype=float), cells=cells.astype(np.int64))
+np.savez("result.npz", points=np.asarray(mesh.points, dtype=float), cells=cells.astype(np.int64), other=other)
 """
 
 # Faces of a tetrahedron of positive volume, counterclockwise seen from outside.
 _MAX_COUNT: Final = 2e7  # tetrahedra; far more than fit in memory
 _MAX_GRADED: Final = 2e6  # tetrahedra of a graded mesh, ten times those of 50,000 nodes
+_SAMPLED: Final = 5_000  # tetrahedra tested for an overlap
+_SPECK: Final = 5e-3  # volume of a shell, relative to the body's, that is no detail
 _VOLUME_ERROR: Final = 0.1  # relative, of a filled surface
 
 
@@ -122,6 +127,29 @@ class Volume:
         if np.isin(one, other).any():
             raise BodyError("more than two tetrahedra share a face: the mesh overlaps itself; mesh again")
         return np.delete(faces, np.append(one, other), axis=0)
+
+    def check_joints(self) -> None:
+        """Check that no parts overlap or touch each other without being joined.
+
+        Raises:
+            BodyError: tetrahedra of different parts fill the same space.
+
+        Warns if parts have triangles at the same place, whose points are not shared.
+        """
+        if self.parts.max() == 0:
+            return
+        step = max(1, len(self.tetrahedra) // _SAMPLED)
+        centers = self.points[self.tetrahedra[::step]].mean(axis=1)
+        if (WindingNumber(self.points, self.surface)(centers) > 1.5).any():
+            raise BodyError("parts of the mesh overlap each other: unite them, and mesh again")
+        double = len(equal_neighbors(np.sort(weld(self.points, self.surface)[1], axis=1))[0])
+        if double:
+            warnings.warn(
+                f"parts of the mesh touch each other along {double} triangles whose points they do not share: they are "
+                "not joined there, and may penetrate each other; merge the points to join them",
+                BodyWarning,
+                stacklevel=3,
+            )
 
     @cached_property
     def parts(self) -> Indices:
@@ -189,7 +217,7 @@ def read_volume(path: str | Path, *, unit: str) -> Volume:
         unit: of its coordinates, such as "mm".
 
     Raises:
-        BodyError: the file is missing, cannot be read, or has no tetrahedra.
+        BodyError: the file is missing, cannot be read, or has no tetrahedra or other cells as well.
     """
     file, scale = check_mesh_file(path), unit_of_length(unit)
     if file.suffix.lower() not in VOLUMES:
@@ -206,6 +234,11 @@ def read_volume(path: str | Path, *, unit: str) -> Volume:
         raise BodyError(f"{file}: not a complete volume mesh that meshio can read ({problem})") from None
     if mesh["points"].ndim != 2 or mesh["points"].shape[1] < 3 or not len(mesh["cells"]):
         raise BodyError(f"{file}: the file has no tetrahedra; give a volume mesh, or a closed surface (STL, OBJ, PLY)")
+    if len(mesh["other"]):
+        raise BodyError(
+            f"{file}: the file has {len(mesh['other'])} cells of another kind ({mesh['other'][0]}) besides tetrahedra; "
+            "divide them into tetrahedra"
+        )
     try:
         return Volume(mesh["points"].astype(float)[:, :3] * scale, mesh["cells"], file.name)
     except BodyError as problem:
@@ -296,7 +329,7 @@ def fill_surface(
         raise BodyError(
             f"spacing: {source}: the surface encloses {enclosed * 1e6:.4g} cm^3 but tetrahedra of {1e3 * step:.3g} mm "
             f"fill {filled * 1e6:.4g} cm^3: it is too thin for them, so use a smaller spacing, such as "
-            f"{1e3 * surface.thickness / 2.0:.2g} mm"
+            f"{1e3 * min(surface.thickness, step) / 2.0:.2g} mm"
         )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", BodyWarning)  # of its size, given before
@@ -308,7 +341,36 @@ def fill_surface(
             f"part{'s'[: parts != 1]}: it is too thin in places, so use a smaller spacing, such as "
             f"{1e3 * step / 2.0:.2g} mm"
         )
+    _check_shells(volume, surface, step, source)
     return volume
+
+
+def _check_shells(volume: Volume, surface: ClosedSurface, step: float, source: str) -> None:
+    """Raise BodyError if the tetrahedra join parts of a surface that do not touch, or fill a cavity; warn of specks."""
+    if surface.shells == 1 or not surface.simple:
+        return
+    filled = (
+        int(components(volume.surface[:, [0, 0]].ravel(), volume.surface[:, 1:].ravel(), len(volume.points)).max()) + 1
+    )
+    inner = len(volume.points) - len(np.unique(volume.surface))  # each is a component
+    missing = surface.shells - (filled - inner)
+    if missing <= 0:
+        return
+    corners = surface.vertices[surface.triangles] - surface.vertices.mean(axis=0)
+    parts = np.bincount(
+        surface.parts, np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    )
+    large = int((np.abs(parts) > _SPECK * surface.volume).sum())
+    text = (
+        f"tetrahedra of {1e3 * step:.3g} mm join or fill {missing} of the {surface.shells} parts and cavities of the "
+        "surface: they lie closer than that, or are thinner"
+    )
+    if filled - inner < large:
+        raise BodyError(
+            f"spacing: {source}: {text}; use a smaller spacing, such as {1e3 * step / 2.0:.2g} mm, or a surface with "
+            "the parts united and the cavities closed"
+        )
+    warnings.warn(f"{source}: {text}", BodyWarning, stacklevel=4)
 
 
 def _stuffed(surface: ClosedSurface, step: float) -> tuple[Array, Indices]:

@@ -165,6 +165,9 @@ def test_a_skin_that_the_mesh_does_not_resolve_is_told() -> None:
     volume = block((0.03, 0.03, 0.02), 0.01)
     with pytest.raises(BodyError, match=r"surface_layer 0.01 mm = 1000 kPa: no quadrature point lies in it"):
         Elements(volume, Material(5e3, surface_layer="0.01 mm = 1 MPa"), [BOTTOM]).young  # noqa: B018
+    hidden = Material(5e3, regions="z > -1 mm = 9 kPa", surface_layer="5 mm = 1 kPa")
+    with pytest.raises(BodyError, match=r"surface_layer 5 mm = 1 kPa: regions, which replace it, contain all of it"):
+        Elements(volume, hidden, [BOTTOM]).young  # noqa: B018
     with pytest.warns(
         BodyWarning, match=r"0.5 mm = 50 kPa: the cells at the surface are 10 mm high: use at least one cell"
     ):

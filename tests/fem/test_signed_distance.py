@@ -241,6 +241,18 @@ def test_a_held_part_counts_as_a_fixed_one(elements: str) -> None:
     assert body.held("z < 0.1 mm").is_behind_fixed(above, above - way)
 
 
+@pytest.mark.parametrize(("core", "anchored"), [("20 kPa", False), ("1 MPa", True)])
+def test_a_stiff_part_that_is_fixed_counts_as_a_fixed_one(core: str, anchored: bool) -> None:
+    """A surface of 4 kPa cannot be pressed into a core that is much stiffer, but moves a loose nodule."""
+    solid = block((0.02, 0.02, 0.012), (4e-3, 4e-3, 1.5e-3))
+    above, way = np.array([0.011, 0.009, 0.012]), np.array([0.0, 0.0, 0.005])
+    skinned = bodies.build(solid, young=core, fixed="z < 0.1 mm", surface_layer="3 mm = 4 kPa", touch="z > 11.9 mm")
+    assert skinned.is_behind_fixed(above, above - way) == anchored
+    assert not skinned.is_behind_fixed(above, above - 0.4 * way)
+    loose = bodies.build(solid, young=4e3, fixed="z < 0.1 mm", regions=f"box 4 4 3 to 16 16 9 mm = {core}")
+    assert not loose.is_behind_fixed(above, above - way)
+
+
 def test_the_depth_along_an_axis_is_the_way_to_the_surface_there(body: Body) -> None:
     random = np.random.default_rng(6)
     up, aside = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
@@ -309,8 +321,11 @@ def test_a_standard_linear_solid_relaxes_by_the_closed_form(body: Body) -> None:
     """Held at one depth: 1 + (ratio - 1) exp(-ratio t / retardation time), with the layer of the contact as well."""
     time, ratio = "0.2 s", 2.5
     solid = body.viscoelastic("1 ms", instantaneous_ratio=ratio, retardation_time=time, contact="signed_distance")
+    elastic = body.simulate_path(np.array([[*AT[:2], TOP + 10e-3 - 1.5e-3]]), 10e-3).deflection[-1]
     still = np.tile([*AT[:2], TOP + 10e-3 - 1.5e-3], (1000, 1))
-    felt = solid.simulate_path(still, 10e-3).force[:, 2]
+    history = solid.simulate_path(still, 10e-3)
+    felt = history.force[:, 2]
+    assert history.deflection[-1] == pytest.approx(elastic, rel=0.02, abs=1e-5)  # with the creep of the layer
     at_rest = body.indent(AT, 10e-3, 1.5e-3).force[2]
     t = 1e-3 * np.arange(1, 1001)
     assert felt == pytest.approx(at_rest * (1.0 + (ratio - 1.0) * np.exp(-ratio * t / 0.2)), rel=0.03)

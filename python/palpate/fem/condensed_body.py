@@ -19,13 +19,14 @@ from palpate.arrays import Array, Flags, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
 from palpate.contact.pseudonormals import Pseudonormals
-from palpate.contact.simplices import area_vectors
+from palpate.contact.simplices import area_vectors, boundary, components
 from palpate.fem.checks import point_of
+from palpate.fem.contact_accuracy import is_thin
 from palpate.fem.errors import BodyError
 from palpate.fem.layer_modulus import layer_moduli
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 from palpate.fem.multifrontal import MultifrontalSolver
-from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches, given_network
+from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches, given_network, unstable_row
 from palpate.fem.storage import BodyData, read, write
 from palpate.fem.support_changes import HELD
 from palpate.fem.volume import Volume
@@ -40,6 +41,7 @@ CoreBody = (
     | _core.SupportedBody
     | _core.MultirateBody
 )
+_STIFF: Final = 10.0  # ratio of moduli from which material counts as fixed
 _LEVEL: Final = np.cos(np.radians(30.0))
 _LAYER_MODULI: Final[WeakKeyDictionary[BodyData, Array]] = WeakKeyDictionary()  # which the models of a body share
 
@@ -158,6 +160,12 @@ class CondensedBody:
         within = np.linalg.norm(self.nodes - center, axis=1) < radius
         return bool((self.normals[within] @ normal > _LEVEL).all())
 
+    def is_thin_under(self, point: Array, radius: float, depth: float) -> bool:
+        """Return whether the body is too thin, at the surface near a point (3,), m, for a known error (`is_thin`)."""
+        node = int(np.argmin(np.linalg.norm(self.nodes - point, axis=1)))
+        inward = -self.normals[node]
+        return is_thin(radius, depth, self.depth_along(self.nodes[node] + 1e-6 * self.extent * inward, inward))
+
     def in_phase(self, number: int) -> CondensedBody:
         """Return the geometry of the body after a number of changes of its supports: its nodes are those not held."""
         assert self.kind.supports is not None
@@ -211,11 +219,25 @@ class CondensedBody:
         return np.asarray(self.triangles[fixed[self.triangles].all(axis=1)])
 
     def is_behind_fixed(self, start: Array, end: Array) -> bool:
-        """Return whether the straight way from `start` to `end`, both (3,), m, crosses a fixed part of the surface.
+        """Return whether the straight way from `start` to `end`, both (3,), m, crosses a fixed part of the body.
 
-        No material can be displaced along such a way.
+        That is a fixed part of the surface, or material ten times as stiff as that at `start` which is fixed somewhere.
+        No surface can be displaced along such a way.
         """
-        return len(_crossings(self.points, self._fixed_triangles, start, end)[0]) > 0
+        if len(_crossings(self.points, self._fixed_triangles, start, end)[0]):
+            return True
+        held = self._held_by_stiffness(start)
+        return len(held) > 0 and len(_crossings(self.contents.vertices, held, start, end)[0]) > 0
+
+    def _held_by_stiffness(self, point: Array) -> Indices:
+        """Return the boundary (k, 3), as vertices, of fixed parts much stiffer than the surface near a point (3,)."""
+        cells, young = self.contents.tetrahedra, self.contents.young
+        if not len(cells) or np.ptp(young) == 0.0:
+            return np.empty((0, 3), dtype=np.int64)
+        vertex = self.node_vertices[np.argmin(np.linalg.norm(self.nodes - point, axis=1))]
+        stiff = cells[young > _STIFF * young[(cells == vertex).any(axis=1)].mean()]
+        part = components(stiff[:, [0, 0, 0]].ravel(), stiff[:, 1:].ravel(), len(self.contents.vertices))
+        return boundary(stiff[np.isin(part[stiff[:, 0]], part[self.contents.dirichlet])])
 
     def depth_along(self, point: Array, direction: Array) -> float:
         """Return the way from a point (3,), m, to the surface of the body at rest along a unit vector; 0 outside."""
@@ -420,6 +442,19 @@ class CondensedBody:
         rows = (3 * free[:, None] + np.arange(3)).ravel()
         stiffness = network.matrix[rows][:, rows]
         return MultifrontalSolver(stiffness, loads.tocsr()[free], network.points[free]).compliance()
+
+    def _check_network(self) -> None:
+        """Raise BodyError if the springs and volumes are unstable at rest: pressures may be negative."""
+        network, free = self.spring_network, np.flatnonzero(~self.contents.dirichlet)
+        if not (network.pressure < 0.0).any():
+            return
+        rows = (3 * free[:, None] + np.arange(3)).ravel()
+        if unstable_row(network.matrix[rows][:, rows].tocsc(), 0.0) is not None:
+            raise BodyError(
+                "mass_spring: below a Poisson's ratio of 0.25 the volumes have negative pressures, and where stiff "
+                "material adjoins soft material they outweigh the springs: the body is unstable at rest. Use a "
+                "Poisson's ratio of 0.25 or more, or another model"
+            )
 
     def _own_compliance(self) -> Array:
         """Return the static compliance of each contact node by itself (n, 3, 3), m/N."""

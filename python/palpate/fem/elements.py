@@ -192,14 +192,14 @@ class Elements:
         layer = self.material.surface_layer
         depth = np.empty(0) if layer is None else self._depth(points)
         if layer is not None:
-            self._check_layer(layer, depth)
+            self._check_layer(layer, depth, points)
         return self.material.young_at(points, lambda _: depth).reshape(x.shape[1:])
 
-    def _check_layer(self, layer: SurfaceLayer, depth: Array) -> None:
-        """Check a surface layer against the depths of the quadrature points (q,), m.
+    def _check_layer(self, layer: SurfaceLayer, depth: Array, points: Array) -> None:
+        """Check a surface layer against the depths (q,), m, of the quadrature points (q, 3), m.
 
         Raises:
-            BodyError: no quadrature point lies in the layer.
+            BodyError: no quadrature point lies in the layer, or each one that does lies in a region.
 
         Warns if the layer is thinner than half a cell.
         """
@@ -207,6 +207,14 @@ class Elements:
             raise BodyError(
                 f"surface_layer {layer}: no quadrature point lies in it, so it has no effect: use a finer mesh, "
                 "or a thicker and softer layer"
+            )
+        left = points[depth < layer.thickness]
+        for region in self.material.regions:
+            left = left[~region.where.inside(left)]
+        if not len(left):
+            raise BodyError(
+                f"surface_layer {layer}: regions, which replace it, contain all of it, so it has no effect: make the "
+                "regions smaller, or leave it out"
             )
         area = np.linalg.norm(area_vectors(self.volume.points, self.triangles), axis=1)
         size = self._basis.dx.sum(axis=1)[self._mesh.f2t[0, self._facets(self.triangles)]]

@@ -120,7 +120,7 @@ class IndentableBody(CondensedBody):
         else:
             history = self._ramp(center, normal, deep, size, tip)
         nodes, force, small = int(history.nodes[-1]), history.force[-1], unresolved(self.nodes, target, size, tip)
-        error = self._force_error(nodes, target, size) if tip == "sphere" and not small else None
+        error = self._force_error(nodes, target, size, deep) if tip == "sphere" and not small else None
         if (apart := float(np.linalg.norm(target - x))) > size:
             at = row_of(1e3 * target)
             warnings.warn(
@@ -141,12 +141,20 @@ class IndentableBody(CondensedBody):
                 )
         return Indentation(force, self.displacement(), nodes, error)
 
-    def _force_error(self, nodes: int, point: Array, radius: float) -> float | None:
+    def _force_error(self, nodes: int, point: Array, radius: float, depth: float) -> float | None:
         """Return the relative error of a sphere's force by the mesh; None if it is not known."""
         by_distance = isinstance(self.core, _core.SignedDistanceBody)
         if not (by_distance or self.kind.name == COMPLIANCE.name) or self.kind.contact_points:
             return None
         if not has_known_error(self.record) or not (by_distance or self.is_level(point, radius)):
+            return None
+        if self.is_thin_under(point, radius, depth):
+            warnings.warn(
+                f"depth: the body is thin under the tip, less than 1.8 times the contact radius of about "
+                f"{1e3 * float(np.sqrt(radius * depth)):.2g} mm: the error of its force is not known",
+                BodyWarning,
+                stacklevel=3,
+            )
             return None
         return force_error(nodes, signed_distance=by_distance)
 

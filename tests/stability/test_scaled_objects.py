@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate.errors import StabilityError
+from palpate.simulation.verdict import State
 from palpate.stability import mesh_zwidth as mesh
 from palpate.stability.body import zwidth as body
 from palpate.stability.maps.boundary_curve import Boundary
@@ -140,7 +141,7 @@ def body_of(friction: float, directions: int, static: float, monkeypatch: pytest
         along_normal=lambda path: seen.update(projected=path) or SimpleNamespace(normal=np.ones(1), path=path),
     )  # fmt: skip
     monkeypatch.setattr(body, "replace", lambda one, path: SimpleNamespace(normal=one.normal, path=path))
-    found = SimpleNamespace(static_stiffness=static, loop=loop, normal="the normal")
+    found = SimpleNamespace(static_stiffness=static, loop=loop, normal="the normal", state=State.STABLE)
     monkeypatch.setattr(body, "contact_of", lambda _s: (found, "a trace", 17))
 
     def device_loop(_s: Any, trace: str, row: int, normal: str, across: bool, arm: Any = "none") -> Any:
@@ -171,12 +172,12 @@ def test_the_boundaries_of_a_body_are_those_of_each_operator_along_the_normal_or
         monkeypatch.setattr(body, "_interval", lambda _loop, damping, low=low: (low, 9.0 + damping))
         shares.clear()
         seen["arms"].clear()
-        curves, never, stiffness, found = body.body_boundaries(
+        curves, never, stiffness, found, state = body.body_boundaries(
             seen["scenario"], "mine", [("one", "one"), ("lost", "lost"), ("two", "two")], shares.append  # type: ignore[list-item]
         )  # fmt: skip
         assert list(curves) == ["mine", "one", "two"]
         assert [curves[name].path for name in ("one", "two")] == ["path of one", "path of two"]
-        assert (never, stiffness) == (["lost"], 40.0)
+        assert (never, stiffness, state) == (["lost"], 40.0, State.STABLE)
         assert found == pytest.approx(least)
         assert shares == [0.25, 0.5, 0.75]
         projected = directions == 3 and not across
@@ -193,8 +194,9 @@ def test_a_body_without_stiffness_has_no_boundary(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize(
     ("stiffness", "least", "stable"), [(50.0, 0.0, True), (50.0, 50.0, False), (70.0, 0.0, False), (69.0, 68.0, True)]
 )
-def test_a_body_is_stable_between_the_least_stiffness_and_the_curve_without_damping(
-    stiffness: float, least: float, stable: bool, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("state", [State.STABLE, State.UNSTABLE, State.UNDECIDED])
+def test_a_body_is_stable_between_the_least_stiffness_and_the_curve_and_in_all_directions(
+    stiffness: float, least: float, stable: bool, state: State, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     curve = Boundary(np.array([0.5, 0.0, 1.0]), np.array([90.0, 70.0, 10.0]), np.ones(3), (0.0, 1.0))
     told: list[tuple[str, float]] = []
@@ -202,13 +204,16 @@ def test_a_body_is_stable_between_the_least_stiffness_and_the_curve_without_damp
     def boundaries(_s: Any, own: str, others: Any, progress: Any) -> Any:
         assert (own, others) == ("mine", [("one", None)])
         progress(0.5)
-        return {"mine": curve}, ["two"], stiffness, least
+        return {"mine": curve}, ["two"], stiffness, least, state
 
     monkeypatch.setattr(body, "body_boundaries", boundaries)
     monkeypatch.setattr(body, "operator_name", lambda _s: "mine")
     monkeypatch.setattr(body, "other_operators", lambda _s: [("one", None)])
     scenario: Any = SimpleNamespace(title="a title")
     found = body.body_zwidth(scenario, False, lambda *what: told.append(what))
-    assert (found.here, found.stable_here, found.never) == ((0.0, stiffness), stable, ("two",))
+    assert (found.here, found.never) == ((0.0, stiffness), ("two",))
+    assert found.stable_here == (stable and state is State.STABLE)
+    said = {State.STABLE: "stable", State.UNSTABLE: "unstable: a motion across", State.UNDECIDED: "undecided: "}[state]
+    assert f", is {said if stable else 'unstable'}" in found.verdict
     assert found.curves == {"mine": curve}
     assert told == [("the body's response", 0.05), ("exact boundary", pytest.approx(0.55))]

@@ -82,10 +82,12 @@ def has_known_mesh_error(trace: Recorded, row: int) -> bool:
     scenario, choice, body = found
     if not has_known_error(body.record):
         return False
+    centers = _tips_in_body(trace, scenario, body, np.array([row]))[0]
     return all(
         not unresolved(body.nodes, center, choice.radius, choice.tip)
         and (body.kind.by_distance or body.is_level(center, choice.radius))
-        for center in _tips_in_body(trace, scenario, body, np.array([row]))[0]
+        and not body.is_thin_under(center, choice.radius, depth)
+        for center, depth in zip(centers, depths_at_rest(body, centers, choice.radius), strict=True)
     )
 
 
@@ -122,7 +124,7 @@ def tip_depths(trace: Recorded, rows: slice = slice(None)) -> Array | None:
 
 
 def is_behind_fixed(trace: Recorded) -> bool:
-    """Return whether a trace's body is pressed in, at its end, through a part of its surface that is fixed or held.
+    """Return whether a trace's body is pressed in, at its end, through a part that is fixed, held or much stiffer.
 
     No body can be; one of small strains yields on, whatever its thickness. False also if the body is no longer there.
     """

@@ -313,7 +313,8 @@ def _not_held(trace: Recorded) -> str | None:
     remedy = "use a larger tip, a smaller force, or hyperelastic"
     if is_behind_fixed(trace):
         depth = 1e3 * float(np.linalg.norm(trace["deflection"][-1]))
-        return f"the body is pressed in by {depth:.3g} mm, through its fixed part, as no real body can be: {remedy}"
+        where = "through its fixed or stiff part, as no real body can be"
+        return f"the body is pressed in by {depth:.3g} mm, {where}: {remedy}"
     if not body.by_distance:
         return None
     below, radius = depth_at_end(trace), body.radius

@@ -11,6 +11,7 @@ import numpy as np
 from palpate.errors import StabilityError
 from palpate.linear.linear_device import HumanArm
 from palpate.scenario import Scenario
+from palpate.simulation.verdict import State
 from palpate.stability.body.body_loop import BodyLoop
 from palpate.stability.body.certificate import contact_of
 from palpate.stability.body.multirate_loop import MultirateLoop
@@ -23,6 +24,8 @@ __all__ = ["body_boundaries", "body_zwidth"]
 _SCALES = np.geomspace(1e-3, 1e4, 71)  # factors on the body's force
 _POINTS = 24  # of a curve
 _DOUBLINGS = 40
+_ACROSS = "unstable: a motion across the contact grows, while the curves are for motions along its normal"
+_UNKNOWN = "undecided: the response of the body is not known well enough"
 _NOT_SIMULATED = (
     "the body is scaled at a fixed tip position, and a run with a stiffer body rests elsewhere, with other nodes in "
     "contact; palpate certify tests other depths too, whose limits may be lower, and compares the loop with the run "
@@ -32,12 +35,13 @@ _NOT_SIMULATED = (
 
 def body_boundaries(
     s: Scenario, own: str, others: list[tuple[str, HumanArm | None]], progress: Callable[[float], None]
-) -> tuple[dict[str, Boundary], list[str], float, float]:
-    """Return the boundaries by operator, the operators without a stable body, K and the least stable stiffness, N/m.
+) -> tuple[dict[str, Boundary], list[str], float, float, State]:
+    """Return boundaries by operator, operators without a stable body, K, least stable stiffness, N/m, and the verdict.
 
     A boundary gives the largest static stiffness of the body along the contact's normal, over the damping of a damper
     beside the body, along the normal and by backward difference. The whole response of the body is scaled, at the tip
-    position where the scenario's run rests; motions are along the normal, or in all directions with friction.
+    position where the scenario's run rests; motions are along the normal, or in all directions with friction. The
+    verdict is that of small motions in all directions about the scenario's own contact.
 
     Args:
         s: its object is a body.
@@ -67,20 +71,35 @@ def body_boundaries(
         except StabilityError:
             never.append(name)
     least = _interval(loop, curves[own].inside[0])[0]
-    return curves, never, stiffness, 0.0 if least <= _SCALES[0] else least * stiffness
+    return curves, never, stiffness, 0.0 if least <= _SCALES[0] else least * stiffness, contact.state
 
 
 def body_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], None]) -> ZWidth:
     """Return the Z-width of a scenario whose object is a deformable body; see ``palpate.stability.zwidth``."""
     report("the body's response", 0.05)
-    curves, never, stiffness, least = body_boundaries(
+    curves, never, stiffness, least, state = body_boundaries(
         s, operator_name(s), other_operators(s), lambda done: report("exact boundary", 0.2 + 0.7 * done)
     )
     reason = "the passivity condition holds for springs and dampers, and a deformable body has states of its own"
     edge = next(iter(curves.values()))
-    stable = least < stiffness < float(edge.stiffness[np.argmin(edge.damping)])
-    here = (0.0, stiffness)
-    return ZWidth(s.title, curves, None, reason, None, here, stable, None, tuple(never), least, _NOT_SIMULATED)
+    along = least < stiffness < float(edge.stiffness[np.argmin(edge.damping)])
+    stable, not_along = along and state is State.STABLE, ""
+    if along and not stable:
+        not_along = _ACROSS if state is State.UNSTABLE else _UNKNOWN
+    return ZWidth(
+        s.title,
+        curves,
+        None,
+        reason,
+        None,
+        (0.0, stiffness),
+        stable,
+        None,
+        tuple(never),
+        least,
+        _NOT_SIMULATED,
+        unstable_by=not_along,
+    )
 
 
 def _boundary(loop: BodyLoop | MultirateLoop, stiffness: float) -> Boundary:

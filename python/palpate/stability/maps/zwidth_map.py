@@ -90,6 +90,7 @@ class ZWidth:
             at that of the stiffest object: (B, lower K, upper K), N s/m and N/m. An operator without one is absent.
         exact_here: largest stable K with the damping of the object, N/m, by the eigenvalues of the loop; None if none
             is stable; nan if it is not known.
+        unstable_by: what `verdict` says if the loop is stable by the curves but not otherwise; empty if it is not.
     """
 
     title: str
@@ -105,12 +106,13 @@ class ZWidth:
     not_simulated: str = ""
     gaps: Mapping[str, tuple[tuple[float, float, float], ...]] = field(default_factory=dict)
     exact_here: float | None = math.nan
+    unstable_by: str = ""
 
     @property
     def verdict(self) -> str:
         """Whether the loop with the scenario's own object is stable, as a sentence."""
         b, k = self.here
-        state = "stable" if self.stable_here else "unstable"
+        state = "stable" if self.stable_here else self.unstable_by or "unstable"
         return f"The loop with the scenario's object, K = {k:g} N/m and B = {b:g} N·s/m, is {state}."
 
     @property

@@ -286,6 +286,8 @@ def test_cells_are_the_same_in_any_order_and_company() -> None:
 def test_a_sweep_is_read_by_name_index_and_state(tmp_path: Path) -> None:
     found = sweep(SLIDER, OVER, out=tmp_path / "a.h5")
     assert found.values("object.stiffness").tolist() == [10.0, 20.0, 30.0]
+    worded = sweep(SLIDER, {"object.coupling": ["backward", "bilinear"]})
+    assert worded.values("object.coupling").tolist() == ["backward", "bilinear"]
     with pytest.raises(SweepError, match=r"^servo.period was not varied; object.damping, object.stiffness were$"):
         found.values("servo.period")
     assert found.scenario(1, 2).object.stiffness[0] == 30.0

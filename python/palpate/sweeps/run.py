@@ -72,10 +72,11 @@ class Sweep:
         return self.plan.shape
 
     def values(self, path: str) -> Array:
-        """Return the values of one axis, SI."""
+        """Return the values of one axis: numbers, SI, or words as text."""
         for axis in self.axes:
             if axis.path == path:
-                return np.asarray(axis.values, dtype=float)
+                words = any(isinstance(value, str) for value in axis.values)
+                return np.asarray(axis.values, dtype=None if words else float)
         raise SweepError(f"{path} was not varied; {', '.join(axis.path for axis in self.axes)} were")
 
     def scenario(self, *index: int) -> Scenario:

@@ -318,9 +318,10 @@ class Body(IndentableBody):
         """Return the same body as masses, springs and dampers on its mesh.
 
         See `palpate.fem.spring_network` for the springs and their accuracy. The model is correct for large rotations
-        and stable at any period. Damping is as in `modal`, where `rayleigh_beta` is that of shear. Half a period is
-        added to it (see docs/theory/deformable-models.md). The tip also moves nodes sideways. At two rates the model
-        advances in steps of at most 1 ms, and friction has the static compliance of the springs along the surface.
+        and stable at any period. Damping is as in `modal`, where `rayleigh_beta` is that of shear. Each period adds
+        numerical damping, which overdamps slow swings of soft bodies (see docs/theory/deformable-models.md). The tip
+        also moves nodes sideways. At two rates the model advances in steps of at most 1 ms, and friction has the static
+        compliance of the springs along the surface.
 
         The force of a spring of stiffness k and rest length l0 at the strain e is k l0 e, unless one of these is given:
 

@@ -110,7 +110,7 @@ class PartialSlip {
     const double earlier = steps_ > 0 ? 0.5 - 1.0 / steps_ : 0.0;
     steps_ = 0;
     recent_.head(size) = force_.head(size) - adopted_force_.head(size) + earlier * recent_.head(size);
-    lag_.head(size) += compliance_.topLeftCorner(size, size) * recent_.head(size);
+    lag_.head(size).noalias() += compliance_.topLeftCorner(size, size) * recent_.head(size);
     for (int s = 0; s < count_; ++s) {
       for (int t = 0; t <= s; ++t) {
         const Eigen::Matrix2d block = model.tangential(node_[at(s)], node_[at(t)]);
@@ -119,7 +119,7 @@ class PartialSlip {
       }
       set_self_compliance(model, s);
     }
-    lag_.head(size) -= compliance_.topLeftCorner(size, size) * recent_.head(size);
+    lag_.head(size).noalias() -= compliance_.topLeftCorner(size, size) * recent_.head(size);
     recent_.head(size) = force_.head(size) - adopted_force_.head(size);
     for (int s = 0; s < count_; ++s)
       if (is_at_limit(s)) lag(s).setZero();
@@ -187,7 +187,7 @@ class PartialSlip {
   template <class Model>
   static constexpr bool new_points_are_unloaded = requires { Model::new_points_are_unloaded; };
 
-  static constexpr double most_energy = 4.0;
+  static constexpr double most_energy = 4.0;   // of limit_energy()
   static constexpr double unaccounted = 1e-3;  // of the exchanged energy
   static constexpr double tolerance = 1e-3;    // convergence: largest force change relative to the largest force
   static constexpr double round_off = 1e-14;

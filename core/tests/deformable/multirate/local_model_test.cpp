@@ -181,6 +181,22 @@ TEST(LocalModelSlip, AComplianceThatVariesDoesNotDrainTheForce) {
   EXPECT_NEAR(drag.slip.energy(), 0.5 * force.dot(place), 1e-6 * force.dot(place));
 }
 
+// Law: a contact that slides in a constant direction keeps its plane; its force is that of friction against the motion. After a change of
+// the direction by less than the play it is gradually across the new direction.
+TEST(LocalModelSlip, TheForceOfASlidingContactIsInItsPlane) {
+  Drag drag;
+  drag.slip = LocalModelSlip({0.5, 0.4}, Drag::at_rest(), Drag::poisson);
+  const LocalModel model = flat_model(3, 2e-3, 1);
+  const Vector3<> way(1e-4, 0.0, 0.0), tilted = Vector3<>(0.03, 0.0, 1.0).normalized();
+  for (int tick = 0; tick < 200; ++tick) drag.step(model, Vector3<>::UnitZ(), 4, way);
+  EXPECT_TRUE(drag.slip.sliding());
+  EXPECT_LT((drag.slip.force(4) - Vector3<>(0.4, 0.0, 0.0)).norm(), 1e-6);
+  drag.step(model, tilted, 4, way);
+  EXPECT_LT((drag.slip.force(4) - Vector3<>(0.4, 0.0, 0.0)).norm(), 0.4 * 1.1e-3);
+  for (int tick = 0; tick < 50; ++tick) drag.step(model, tilted, 4, way);
+  EXPECT_LT(std::abs(drag.slip.force(4).dot(tilted)), 1e-6);
+}
+
 // Law: the plane of a first contact counts, and a reset forgets it.
 TEST(LocalModelSlip, AFirstContactYieldsInItsOwnPlane) {
   const LocalModel model = flat_model(3, 2e-3, 1);

@@ -132,9 +132,9 @@ class LocalModelSlip {
   void follow(const Vector3<>& outward) noexcept {
     if (slip_.empty()) return rotate_plane(outward);
     const Vector3<> normal = tangent_plane_.col(0).cross(tangent_plane_.col(1)), away = normal - outward.dot(normal) * outward;
-    const double sine = away.norm(), left = std::min(sine, play) - (slip_.sliding() ? alignment : 0.0);
-    if (left < sine && outward.dot(normal) > 0.0) return rotate_plane((outward + std::max(left, 0.0) / sine * away).normalized());
-    if (left < sine) rotate_plane(outward);
+    const double sine = away.norm(), left = std::max(std::min(sine, play) - (slip_.sliding() ? alignment : 0.0), 0.0);
+    if (left >= sine) return;
+    rotate_plane(outward.dot(normal) > 0.0 ? Vector3<>((outward + left / sine * away).normalized()) : outward);
   }
 
   /// Rotate the tangent plane to a normal by the smallest angle.

@@ -155,6 +155,16 @@ def test_press_lets_it_come_to_rest(body: Body, lattice: Body) -> None:
     assert np.linalg.norm(pressed.displacement - solid.displacement) < 0.2 * np.linalg.norm(solid.displacement)
 
 
+def test_a_press_waits_for_a_soft_body_that_it_has_thrown_off() -> None:
+    """A body of 1 Pa is slower than the press: for some tenths of a second it flies ahead of the tip."""
+    solid = block((0.04, 0.03, HEIGHT), 0.005)
+    forces = []
+    for young in (1.0, 1e3):
+        soft = bodies.build(solid, young=young, poisson=0.3, fixed=BOTTOM, touch=TOP).mass_spring("1 ms")
+        forces.append(soft.indent([0.02, 0.015, HEIGHT], 6e-3, 1.5e-3).force[2] / young)
+    assert forces[0] == pytest.approx(forces[1], rel=0.1)
+
+
 @pytest.mark.parametrize("place", [(0.015, 0.015), (0.0163, 0.0155)])
 def test_the_force_under_a_flat_end_at_rest_does_not_depend_on_the_tick(body: Body, place: tuple[float, float]) -> None:
     """Where its edge crosses patches, too: they yield by their static compliance."""

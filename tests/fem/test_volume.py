@@ -185,7 +185,7 @@ def test_a_filled_surface_has_no_more_pieces_than_the_surface_has_parts(monkeypa
     one, two = box(), box(gap=0.01)
     filled(one, 0.005, 0.02**3, 1, monkeypatch)
     filled(two, 0.005, 2 * 0.02**3, 2, monkeypatch)
-    with pytest.raises(BodyError, match="join or fill 1 of the 2 parts and cavities"):
+    with pytest.raises(BodyError, match="do not resolve 1 of the 2 parts and cavities"):
         filled(two, 0.005, 2 * 0.02**3, 1, monkeypatch)
     with pytest.raises(BodyError, match=r"tetrahedra of 5 mm fill 2 pieces of a surface of 1 part: .* such as 2.5 mm"):
         filled(one, 0.005, 0.02**3, 2, monkeypatch)
@@ -292,7 +292,7 @@ def test_a_gap_or_a_cavity_thinner_than_the_cells_is_not_filled_silently(
 ) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with pytest.raises(BodyError, match=r"spacing: .* join or fill 1 of the 2 parts and cavities of the surface"):
+        with pytest.raises(BodyError, match=r"spacing: .* do not resolve 1 of the 2 parts and cavities of the surface"):
             fill(*boxes(*shells), 1e-3 * coarse)
         made = fill(*boxes(*shells), 1e-3 * fine)
     expected = sum(

@@ -41,6 +41,7 @@ OVERLAPS_FIXED: Final = (
 )
 _SIDEWAYS: Final = 0.5  # cosine between the force on a tip and the normal of a press below which it points sideways
 _FALLEN: Final = 0.99  # force over the largest one of a press, below which it has fallen
+_FLIGHT = 40  # windows of 50 ms without contact after which a mass-spring body has left the tip
 _STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
 
 
@@ -283,11 +284,16 @@ class IndentableBody(CondensedBody):
         return ContactHistory.of(settle_at_depths(depths, settle, inverted)[None])
 
     def _settle(self, center: Array, size: float, normal: Array, tip: TipShape, period: float) -> ContactHistory:
-        """Keep the tip at `center` until the force stays within 0.1 % for 50 ms; warn if it does not in 5 s."""
-        still = np.tile(center, (int(np.ceil(0.05 / period)), 1))
+        """Keep the tip at `center` until the force stays within 0.1 % for 50 ms; warn if it does not in 5 s.
+
+        A body that the press has thrown off has no force until it falls back on the tip: that must last for 2 s.
+        """
+        still, free = np.tile(center, (int(np.ceil(0.05 / period)), 1)), 0
         for _ in range(100):
             history = self._move(still, size, outward=normal, tip=tip)
-            if np.abs(np.ptp(history.force, axis=0)).max() <= 1e-3 * np.linalg.norm(history.force[-1]):
+            free = 0 if history.nodes.any() else free + 1
+            steady = np.abs(np.ptp(history.force, axis=0)).max() <= 1e-3 * np.linalg.norm(history.force[-1])
+            if steady and (free == 0 or free >= _FLIGHT):
                 break
         else:
             warnings.warn("the body did not settle in 5 s: add damping", BodyWarning, stacklevel=4)

@@ -346,7 +346,7 @@ def fill_surface(
 
 
 def _check_shells(volume: Volume, surface: ClosedSurface, step: float, source: str) -> None:
-    """Raise BodyError if the tetrahedra join parts of a surface that do not touch, or fill a cavity; warn of specks."""
+    """Raise BodyError if the tetrahedra join parts that do not touch, or fill a cavity; warn if these are specks."""
     if surface.shells == 1 or not surface.simple:
         return
     filled = (
@@ -362,8 +362,8 @@ def _check_shells(volume: Volume, surface: ClosedSurface, step: float, source: s
     )
     large = int((np.abs(parts) > _SPECK * surface.volume).sum())
     text = (
-        f"tetrahedra of {1e3 * step:.3g} mm join or fill {missing} of the {surface.shells} parts and cavities of the "
-        "surface: they lie closer than that, or are thinner"
+        f"tetrahedra of {1e3 * step:.3g} mm do not resolve {missing} of the {surface.shells} parts and cavities of the "
+        "surface: they join or fill what lies closer than that, or is thinner"
     )
     if filled - inner < large:
         raise BodyError(

@@ -197,6 +197,22 @@ TEST(LocalModelSlip, TheForceOfASlidingContactIsInItsPlane) {
   EXPECT_LT(std::abs(drag.slip.force(4).dot(tilted)), 1e-6);
 }
 
+// Law: a contact that slides on has the force of friction, whatever models come.
+TEST(LocalModelSlip, ModelsThatChangeDoNotStopTheFrictionOfASlidingContact) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<double> part(-1.0, 1.0);
+    Drag drag;
+    drag.slip = LocalModelSlip({0.4, 0.4}, Drag::at_rest(), Drag::poisson);
+    LocalModel model;
+    for (long tick = 0; tick < 1000; ++tick) {
+      if (tick % 10 == 0) model = flat_model(3, 2e-3 * std::pow(1.9, part(random)), 1 + tick / 10);
+      const double force = drag.step(model, Vector3<>::UnitZ(), 4, {1e-3, 0.0, 0.0}).x();
+      if (tick % 10 == 9) ASSERT_NEAR(force, 0.4, 1e-6) << seed << " " << tick;
+    }
+  }
+}
+
 // Law: the plane of a first contact counts, and a reset forgets it.
 TEST(LocalModelSlip, AFirstContactYieldsInItsOwnPlane) {
   const LocalModel model = flat_model(3, 2e-3, 1);

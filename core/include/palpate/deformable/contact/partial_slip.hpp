@@ -67,10 +67,9 @@ class PartialSlip {
     }
     if constexpr (has_memory<Model>)
       for (int s = before; s < count_; ++s) cone_radius_[at(s)] = 0.0;
-    double start_energy = 0.0;
     if (changes_) {
-      start_energy = twice_energy();
       start_force_.head(2 * count_) = force_.head(2 * count_);
+      start_displacement_.head(2 * count_) = displacement_.head(2 * count_);
       start_lag_.head(2 * count_) = lag_.head(2 * count_);
     }
     for (int s = 0; s < count_; ++s) {
@@ -82,7 +81,6 @@ class PartialSlip {
     displacement_.head(2 * count_) = target_.head(2 * count_) - lag_.head(2 * count_);
     if (changes_) {
       count_supply();
-      exchanged_ += std::abs(twice_energy() - start_energy);
       limit_energy();
     }
     update_slip_state(has_memory<Model> ? before : count_);
@@ -305,13 +303,17 @@ class PartialSlip {
 
   /// Force times displacement [N m]: twice the energy that the forces store while the compliance does not change.
   [[nodiscard]] double twice_energy() const noexcept { return force_.head(2 * count_).dot(displacement_.head(2 * count_)); }
-  /// Exclude from the energy that the tip has supplied what this step's sweeps have changed by making up for the lag of the last one.
+  /// Exclude from the energy that the tip has supplied what this step's sweeps have changed by making up for the lag of the last one. Where
+  /// the node slips, a part of that lag may be lost.
   void count_supply() noexcept {
+    double change = 0.0;
     for (int s = 0; s < count_; ++s) {
-      Eigen::Vector2d made_up = start_lag_.segment<2>(2 * s);
-      if (!slips(s)) made_up -= lag(s);
-      left_over_ -= (start_force_.segment<2>(2 * s) + force_.segment<2>(2 * s)).dot(made_up);
+      const Eigen::Vector2d both = start_force_.segment<2>(2 * s) + force_.segment<2>(2 * s), before = start_lag_.segment<2>(2 * s);
+      const double stored = both.dot(displacement_.segment<2>(2 * s) - start_displacement_.segment<2>(2 * s)), late = both.dot(before);
+      left_over_ -= slips(s) ? std::min(late, std::max(stored, 0.0)) : both.dot(before - lag(s));
+      change += stored;
     }
+    exchanged_ += std::abs(change);
   }
 
   /// Scale the forces down where they would store more than `most_energy` times the energy that the tip has supplied and slip has not
@@ -325,7 +327,7 @@ class PartialSlip {
     const double less = std::sqrt(allowed / energy);
     force_.head(2 * count_) *= less;
     displacement_.head(2 * count_) *= less;
-    left_over_ += energy - allowed;
+    left_over_ = std::max(left_over_ + energy - allowed, -allowed - unaccounted * exchanged_);  // forces without energy owe none
   }
 
   /// Whether the force of a slot reaches its friction cone.
@@ -402,6 +404,7 @@ class PartialSlip {
   SlotVector adopted_force_ = SlotVector::Zero();        // at the last change of the compliance, N
   SlotVector recent_ = SlotVector::Zero();               // change of the force in the interval before it, N
   SlotVector start_force_ = SlotVector::Zero();          // at the start of the step, N
+  SlotVector start_displacement_ = SlotVector::Zero();   // likewise, m
   SlotVector start_lag_ = SlotVector::Zero();            // likewise, without the motion of the tip, m
   SlotVector lag_ = SlotVector::Zero();                  // lag of the node behind the tip, m
   SlotVector displacement_ = SlotVector::Zero();         // of the node, m

@@ -303,6 +303,7 @@ class PartialSlip {
 
   /// Force times displacement [N m]: twice the energy that the forces store while the compliance does not change.
   [[nodiscard]] double twice_energy() const noexcept { return force_.head(2 * count_).dot(displacement_.head(2 * count_)); }
+
   /// Exclude from the energy that the tip has supplied what this step's sweeps have changed by making up for the lag of the last one. Where
   /// the node slips, a part of that lag may be lost.
   void count_supply() noexcept {
@@ -348,11 +349,11 @@ class PartialSlip {
         remove_slot(s);
         continue;
       }
-      const double along = force_.segment<2>(2 * s).dot(lag(s));
-      const bool slides = is_at_limit(s) && along > cone_tolerance * max_compliance_[at(s)] * radius * radius;
+      const bool slipping = slips(s);
+      const bool slides = slipping && force_.segment<2>(2 * s).dot(lag(s)) > cone_tolerance * max_compliance_[at(s)] * radius * radius;
       all = all && slides;
       any = any || slides;
-      if (slips(s)) lag(s).setZero();
+      if (slipping) lag(s).setZero();
     }
     sliding_ = any && (all || sliding_);
   }

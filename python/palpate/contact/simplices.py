@@ -20,6 +20,7 @@ __all__ = [
     "cross",
     "equal_neighbors",
     "half_edges",
+    "parts_of_cells",
     "unique_rows",
     "volumes",
 ]
@@ -110,3 +111,8 @@ def components(a: Indices, b: Indices, count: int) -> Indices:
     """
     graph = coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def parts_of_cells(cells: Indices, count: int) -> Indices:
+    """Return the connected component of each of `count` points (n,) of tetrahedra (m, 4); see `components`."""
+    return components(cells[:, [0, 0, 0]].ravel(), cells[:, 1:].ravel(), count)

@@ -107,8 +107,8 @@ class ClosedSurface:
     def _orient(self, points: Array, faces: Indices, flipped: int) -> Indices:
         """Orient parts outwards, and parts inside of others inwards."""
         part = parts_of(faces)
-        faces, solid = faces.copy(), area_vectors(points, faces)
-        volume = np.bincount(part, np.einsum("ij,ij->i", points[faces[:, 0]] - points.mean(axis=0), solid) / 3.0)
+        faces = faces.copy()
+        volume = part_volumes(points, faces, part)
         inward = volume[part] < 0.0
         faces[inward] = faces[inward][:, ::-1]
         if flipped or inward.any():
@@ -232,6 +232,12 @@ def parts_of(faces: Indices) -> Indices:
     a, b = faces[:, [0, 0]].ravel(), faces[:, 1:].ravel()
     label = components(a, b, int(faces.max()) + 1)[faces[:, 0]]
     return np.asarray(np.unique(label, return_inverse=True)[1], dtype=np.int64)
+
+
+def part_volumes(points: Array, faces: Indices, part: Indices) -> Array:
+    """Return the volume enclosed by each part (p,), m^3, negative inside out; `part` is the index of each face (k,)."""
+    arm = points[faces[:, 0]] - points.mean(axis=0)
+    return np.asarray(np.bincount(part, np.einsum("ij,ij->i", arm, area_vectors(points, faces)) / 3.0), dtype=float)
 
 
 def _sorted(points: Array, faces: Indices) -> tuple[Array, Indices]:

@@ -19,7 +19,7 @@ from palpate.arrays import Array, Flags, Indices, Single
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import Mesh
 from palpate.contact.pseudonormals import Pseudonormals
-from palpate.contact.simplices import area_vectors, boundary, components
+from palpate.contact.simplices import area_vectors, boundary, parts_of_cells
 from palpate.fem.checks import point_of
 from palpate.fem.contact_accuracy import is_thin
 from palpate.fem.errors import BodyError
@@ -160,9 +160,13 @@ class CondensedBody:
         within = np.linalg.norm(self.nodes - center, axis=1) < radius
         return bool((self.normals[within] @ normal > _LEVEL).all())
 
+    def nearest_node(self, point: Array) -> int:
+        """Return the index of the contact node nearest to a point (3,), m, at rest."""
+        return int(np.argmin(np.linalg.norm(self.nodes - point, axis=1)))
+
     def is_thin_under(self, point: Array, radius: float, depth: float) -> bool:
         """Return whether the body is too thin, at the surface near a point (3,), m, for a known error (`is_thin`)."""
-        node = int(np.argmin(np.linalg.norm(self.nodes - point, axis=1)))
+        node = self.nearest_node(point)
         inward = -self.normals[node]
         return is_thin(radius, depth, self.depth_along(self.nodes[node] + 1e-6 * self.extent * inward, inward))
 
@@ -234,9 +238,9 @@ class CondensedBody:
         cells, young = self.contents.tetrahedra, self.contents.young
         if not len(cells) or np.ptp(young) == 0.0:
             return np.empty((0, 3), dtype=np.int64)
-        vertex = self.node_vertices[np.argmin(np.linalg.norm(self.nodes - point, axis=1))]
+        vertex = self.node_vertices[self.nearest_node(point)]
         stiff = cells[young > _STIFF * young[(cells == vertex).any(axis=1)].mean()]
-        part = components(stiff[:, [0, 0, 0]].ravel(), stiff[:, 1:].ravel(), len(self.contents.vertices))
+        part = parts_of_cells(stiff, len(self.contents.vertices))
         return boundary(stiff[np.isin(part[stiff[:, 0]], part[self.contents.dirichlet])])
 
     def depth_along(self, point: Array, direction: Array) -> float:
@@ -439,17 +443,15 @@ class CondensedBody:
         network, free = self.spring_network, np.flatnonzero(~self.contents.dirichlet)
         begin, vertices, weights = self._patches()
         loads = sparse.csr_matrix((weights, vertices, begin), shape=(len(self.nodes), len(network.points))).T
-        rows = (3 * free[:, None] + np.arange(3)).ravel()
-        stiffness = network.matrix[rows][:, rows]
+        stiffness = network.free_matrix(self.contents.dirichlet)
         return MultifrontalSolver(stiffness, loads.tocsr()[free], network.points[free]).compliance()
 
     def _check_network(self) -> None:
         """Raise BodyError if the springs and volumes are unstable at rest: pressures may be negative."""
-        network, free = self.spring_network, np.flatnonzero(~self.contents.dirichlet)
-        if not (network.pressure < 0.0).any():
-            return
-        rows = (3 * free[:, None] + np.arange(3)).ravel()
-        if unstable_row(network.matrix[rows][:, rows].tocsc(), 0.0) is not None:
+        network = self.spring_network
+        if (network.pressure < 0.0).any() and unstable_row(
+            network.free_matrix(self.contents.dirichlet), 0.0
+        ) is not None:
             raise BodyError(
                 "mass_spring: below a Poisson's ratio of 0.25 the volumes have negative pressures, and where stiff "
                 "material adjoins soft material they outweigh the springs: the body is unstable at rest. Use a "

@@ -12,9 +12,9 @@ within 20 % from 0.8 of the distance on; below 0.6 their force is between zero a
 It is known for bodies of one modulus only (`has_known_error`). On skins of 0.2 to 20 times the modulus below it would
 be 7 to 17 %, and the force was up to 44 % wrong; with a nodule ten times as stiff, 1 mm below the surface, up to 79 %.
 
-Nor is it known for thin bodies (`is_thin`): on pads of 2 and 4 mm bonded below, the force of a sphere of 8 mm was 11 to
-23 % too small by signed distance with contact radii of 0.77 to 1.1 thicknesses, up to 4 % with 0.5 (Poisson's ratio 0
-to 0.45, cells of a third to a whole thickness, against converged axisymmetric elasticity).
+Nor is it known for thin bodies (`is_thin`). By signed distance the force of a sphere of 8 mm was 11 to 23 % too small
+on pads of 2 and 4 mm, bonded below, with contact radii of 0.77 to 1.1 thicknesses. With 0.5 thicknesses it was up to
+4 %. Poisson's ratio was 0 to 0.45, cells a third to a whole thickness, the reference converged axisymmetric elasticity.
 
 `softening` was measured against a neo-Hookean body of the same cells, of 3 and 4 mm, with spheres of 6 to 10 mm: blocks
 of 60 x 60 mm, 12 and 30 mm thick, that cylinder, and a bumpy ellipsoid of 36 x 30 x 21 mm; with flat ends of 6 and 8 mm

@@ -276,7 +276,7 @@ def _compliance(network: SpringNetwork, still: Flags, faces: Indices, nodes: Ind
         raise BodyError(
             "triangles: the compliance of so many vertices needs more than 4 GB; use a smaller contact surface"
         )
-    stiffness = network.matrix[free][:, free].tocsc()
+    stiffness = network.free_matrix(still).tocsc()
     _check_mechanism(stiffness, free)
     begin, vertices, weights = contact_patches(network.points, faces, nodes)
     patches = sparse.csr_matrix((weights, vertices, begin), shape=(len(nodes), len(still)))

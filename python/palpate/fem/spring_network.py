@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import cg, splu
 
-from palpate.arrays import Array, Indices
+from palpate.arrays import Array, Flags, Indices
 from palpate.contact.simplices import area_vectors, equal_neighbors, unique_rows
 from palpate.fem.errors import BodyError
 from palpate.fem.storage import BodyData
@@ -62,6 +62,11 @@ class SpringNetwork:
             return springs.tocsr()
         volume_change, volumes = self._volume_operator()
         return (springs + volume_change.T @ sparse.diags(self.pressure / volumes) @ volume_change).tocsr()
+
+    def free_matrix(self, fixed: Flags) -> sparse.csr_matrix:
+        """Rows and columns of `matrix` of the vertices that are not fixed; `fixed` (N,)."""
+        free = np.flatnonzero(np.repeat(~fixed, 3))
+        return self.matrix[free][:, free]
 
     @property
     def forces(self) -> Array:
@@ -129,7 +134,7 @@ def given_network(contents: BodyData) -> SpringNetwork:
     )
 
 
-def unstable_row(stiffness: sparse.csc_matrix, least: float) -> int | None:
+def unstable_row(stiffness: sparse.spmatrix, least: float) -> int | None:
     """Return a row in which a symmetric matrix has an eigenvalue below `least`, or None if it has none.
 
     The signs of the pivots of a symmetric factorization are those of the eigenvalues (Sylvester).

@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import check_triangles, check_vertices, weld
-from palpate.contact.simplices import adjacent_faces, components, equal_neighbors, volumes
+from palpate.contact.simplices import adjacent_faces, equal_neighbors, parts_of_cells, volumes
 from palpate.fem.checks import length, lengths, positive, unit_of_length, warn_of_size
-from palpate.fem.closed_surface import ClosedSurface
+from palpate.fem.closed_surface import ClosedSurface, part_volumes, parts_of
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.isosurface_stuffing import lattice_over, stuff
 from palpate.fem.mesh_estimate import MAX_SPACING
@@ -154,7 +154,7 @@ class Volume:
     @cached_property
     def parts(self) -> Indices:
         """Index of the connected component of each point (n,)."""
-        return components(self.tetrahedra[:, [0, 0, 0]].ravel(), self.tetrahedra[:, 1:].ravel(), len(self.points))
+        return parts_of_cells(self.tetrahedra, len(self.points))
 
 
 def block(
@@ -349,23 +349,15 @@ def _check_shells(volume: Volume, surface: ClosedSurface, step: float, source: s
     """Raise BodyError if the tetrahedra join parts that do not touch, or fill a cavity; warn if these are specks."""
     if surface.shells == 1 or not surface.simple:
         return
-    filled = (
-        int(components(volume.surface[:, [0, 0]].ravel(), volume.surface[:, 1:].ravel(), len(volume.points)).max()) + 1
-    )
-    inner = len(volume.points) - len(np.unique(volume.surface))  # each is a component
-    missing = surface.shells - (filled - inner)
-    if missing <= 0:
+    filled = int(parts_of(volume.surface).max()) + 1
+    if filled >= surface.shells:
         return
-    corners = surface.vertices[surface.triangles] - surface.vertices.mean(axis=0)
-    parts = np.bincount(
-        surface.parts, np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
-    )
-    large = int((np.abs(parts) > _SPECK * surface.volume).sum())
+    enclosed = np.abs(part_volumes(surface.vertices, surface.triangles, surface.parts))
     text = (
-        f"tetrahedra of {1e3 * step:.3g} mm do not resolve {missing} of the {surface.shells} parts and cavities of the "
-        "surface: they join or fill what lies closer than that, or is thinner"
+        f"tetrahedra of {1e3 * step:.3g} mm do not resolve {surface.shells - filled} of the {surface.shells} parts and "
+        "cavities of the surface: they join or fill what lies closer than that, or is thinner"
     )
-    if filled - inner < large:
+    if filled < np.count_nonzero(enclosed > _SPECK * surface.volume):
         raise BodyError(
             f"spacing: {source}: {text}; use a smaller spacing, such as {1e3 * step / 2.0:.2g} mm, or a surface with "
             "the parts united and the cavities closed"

@@ -267,7 +267,7 @@ def surface_normal(trace: Recorded, row: int) -> Array | None:
     if (found := _recorded_body(trace)) is None or found[0].objects is not None or found[0].object.frame is not None:
         return None
     scenario, choice, body = found
-    nearest = np.argmin(np.linalg.norm(body.nodes - _tip_in_body(trace, scenario, body)[row], axis=1))
+    nearest = body.nearest_node(_tip_in_body(trace, scenario, body)[row])
     return np.asarray(Rotation.from_euler("xyz", choice.rotation).apply(body.normals[nearest]))
 
 

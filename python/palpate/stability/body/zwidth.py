@@ -83,22 +83,19 @@ def body_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], No
     reason = "the passivity condition holds for springs and dampers, and a deformable body has states of its own"
     edge = next(iter(curves.values()))
     along = least < stiffness < float(edge.stiffness[np.argmin(edge.damping)])
-    stable, not_along = along and state is State.STABLE, ""
-    if along and not stable:
-        not_along = _ACROSS if state is State.UNSTABLE else _UNKNOWN
+    otherwise = {State.STABLE: "", State.UNSTABLE: _ACROSS}.get(state, _UNKNOWN) if along else ""
     return ZWidth(
-        s.title,
-        curves,
-        None,
-        reason,
-        None,
-        (0.0, stiffness),
-        stable,
-        None,
-        tuple(never),
-        least,
-        _NOT_SIMULATED,
-        unstable_by=not_along,
+        title=s.title,
+        curves=curves,
+        passive=None,
+        not_passive=reason,
+        simulated=None,
+        here=(0.0, stiffness),
+        stable_here=along and state is State.STABLE,
+        never=tuple(never),
+        min_stable_stiffness=least,
+        not_simulated=_NOT_SIMULATED,
+        unstable_by=otherwise,
     )
 
 

@@ -133,7 +133,10 @@ def test_the_map_of_a_mesh_has_a_curve_for_all_modes_and_for_each_kind(monkeypat
     assert (list(one.curves), one.stable_here) == (["every contact mode"], True)
 
 
-def body_of(friction: float, directions: int, static: float, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+def body_of(
+    friction: float, directions: int, static: float, monkeypatch: pytest.MonkeyPatch, state: State = State.STABLE,
+    rests: bool = True,
+) -> dict[str, Any]:  # fmt: skip
     """What the boundaries of a body are made of, without a run."""
     seen: dict[str, Any] = {"arms": []}
     loop = SimpleNamespace(
@@ -141,8 +144,9 @@ def body_of(friction: float, directions: int, static: float, monkeypatch: pytest
         along_normal=lambda path: seen.update(projected=path) or SimpleNamespace(normal=np.ones(1), path=path),
     )  # fmt: skip
     monkeypatch.setattr(body, "replace", lambda one, path: SimpleNamespace(normal=one.normal, path=path))
-    found = SimpleNamespace(static_stiffness=static, loop=loop, normal="the normal", state=State.STABLE)
-    monkeypatch.setattr(body, "contact_of", lambda _s: (found, "a trace", 17))
+    found = SimpleNamespace(static_stiffness=static, loop=loop, normal="the normal", state=state)
+    run = SimpleNamespace(trace="a trace", rests=rests)
+    monkeypatch.setattr(body, "contact_of", lambda _s: (found, run, 17))
 
     def device_loop(_s: Any, trace: str, row: int, normal: str, across: bool, arm: Any = "none") -> Any:
         assert (trace, row, normal) == ("a trace", 17, "the normal")
@@ -172,17 +176,34 @@ def test_the_boundaries_of_a_body_are_those_of_each_operator_along_the_normal_or
         monkeypatch.setattr(body, "_interval", lambda _loop, damping, low=low: (low, 9.0 + damping))
         shares.clear()
         seen["arms"].clear()
-        curves, never, stiffness, found, state = body.body_boundaries(
+        curves, never, stiffness, found, doubt = body.body_boundaries(
             seen["scenario"], "mine", [("one", "one"), ("lost", "lost"), ("two", "two")], shares.append  # type: ignore[list-item]
         )  # fmt: skip
         assert list(curves) == ["mine", "one", "two"]
         assert [curves[name].path for name in ("one", "two")] == ["path of one", "path of two"]
-        assert (never, stiffness, state) == (["lost"], 40.0, State.STABLE)
+        assert (never, stiffness, doubt) == (["lost"], 40.0, "")
         assert found == pytest.approx(least)
         assert shares == [0.25, 0.5, 0.75]
         projected = directions == 3 and not across
         assert curves["mine"].path == ("path of none" if projected else "own")
         assert seen["arms"] == [(False, "none")] * projected + [(across, arm) for arm in ("one", "lost", "two")]
+
+
+@pytest.mark.parametrize(
+    ("state", "rests", "said"),
+    [
+        (State.STABLE, False, "undecided: small motions decay, but the run"),
+        (State.UNSTABLE, True, "unstable: a motion across"),
+        (State.UNSTABLE, False, "unstable: a motion across"),
+        (State.UNDECIDED, True, "undecided: the response"),
+    ],
+)
+def test_a_loop_whose_small_motions_grow_or_whose_run_does_not_rest_is_not_called_stable(
+    state: State, rests: bool, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = body_of(0.3, 3, 40.0, monkeypatch, state, rests)
+    monkeypatch.setattr(body, "_interval", lambda _loop, damping: (0.25, 9.0 + damping))
+    assert body.body_boundaries(seen["scenario"], "mine", [], lambda _: None)[-1].startswith(said)
 
 
 def test_a_body_without_stiffness_has_no_boundary(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,9 +215,9 @@ def test_a_body_without_stiffness_has_no_boundary(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize(
     ("stiffness", "least", "stable"), [(50.0, 0.0, True), (50.0, 50.0, False), (70.0, 0.0, False), (69.0, 68.0, True)]
 )
-@pytest.mark.parametrize("state", [State.STABLE, State.UNSTABLE, State.UNDECIDED])
+@pytest.mark.parametrize("doubt", ["", "undecided: some reason"])
 def test_a_body_is_stable_between_the_least_stiffness_and_the_curve_and_in_all_directions(
-    stiffness: float, least: float, stable: bool, state: State, monkeypatch: pytest.MonkeyPatch
+    stiffness: float, least: float, stable: bool, doubt: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     curve = Boundary(np.array([0.5, 0.0, 1.0]), np.array([90.0, 70.0, 10.0]), np.ones(3), (0.0, 1.0))
     told: list[tuple[str, float]] = []
@@ -204,7 +225,7 @@ def test_a_body_is_stable_between_the_least_stiffness_and_the_curve_and_in_all_d
     def boundaries(_s: Any, own: str, others: Any, progress: Any) -> Any:
         assert (own, others) == ("mine", [("one", None)])
         progress(0.5)
-        return {"mine": curve}, ["two"], stiffness, least, state
+        return {"mine": curve}, ["two"], stiffness, least, doubt
 
     monkeypatch.setattr(body, "body_boundaries", boundaries)
     monkeypatch.setattr(body, "operator_name", lambda _s: "mine")
@@ -212,8 +233,7 @@ def test_a_body_is_stable_between_the_least_stiffness_and_the_curve_and_in_all_d
     scenario: Any = SimpleNamespace(title="a title")
     found = body.body_zwidth(scenario, False, lambda *what: told.append(what))
     assert (found.here, found.never) == ((0.0, stiffness), ("two",))
-    assert found.stable_here == (stable and state is State.STABLE)
-    said = {State.STABLE: "stable", State.UNSTABLE: "unstable: a motion across", State.UNDECIDED: "undecided: "}[state]
-    assert f", is {said if stable else 'unstable'}" in found.verdict
+    assert found.stable_here == (stable and not doubt)
+    assert f", is {(doubt or 'stable') if stable else 'unstable'}." in found.verdict
     assert found.curves == {"mine": curve}
     assert told == [("the body's response", 0.05), ("exact boundary", pytest.approx(0.55))]

@@ -80,8 +80,8 @@ def certify_body(s: Scenario) -> Certificate:
     return Certificate(s.title, verdict, holds, margin, tuple(steps), criteria, None, example, s.to_dict())
 
 
-def contact_of(s: Scenario) -> tuple[ContactStability, Trace, int]:
-    """Return the contact where a scenario's run rests, the trace of every tick, and the sample of the contact.
+def contact_of(s: Scenario) -> tuple[ContactStability, ObservedRun, int]:
+    """Return the contact where a scenario's run rests, the run, and the sample of the contact.
 
     For a run that does not rest it is a contact of the median depth.
 
@@ -91,7 +91,7 @@ def contact_of(s: Scenario) -> tuple[ContactStability, Trace, int]:
     run, contact, row, problem = _find_rest(s)
     if contact is None:
         raise StabilityError(f"object: the response of the body is unknown: {problem}")
-    return contact, run.trace, row
+    return contact, run, row
 
 
 def _is_stable_at(s: Scenario, trace: Trace, row: int) -> bool | None:

@@ -26,6 +26,7 @@ _POINTS = 24  # of a curve
 _DOUBLINGS = 40
 _ACROSS = "unstable: a motion across the contact grows, while the curves are for motions along its normal"
 _UNKNOWN = "undecided: the response of the body is not known well enough"
+_MOVES = "undecided: small motions decay, but the run of the scenario does not rest"
 _NOT_SIMULATED = (
     "the body is scaled at a fixed tip position, and a run with a stiffer body rests elsewhere, with other nodes in "
     "contact; palpate certify tests other depths too, whose limits may be lower, and compares the loop with the run "
@@ -35,13 +36,14 @@ _NOT_SIMULATED = (
 
 def body_boundaries(
     s: Scenario, own: str, others: list[tuple[str, HumanArm | None]], progress: Callable[[float], None]
-) -> tuple[dict[str, Boundary], list[str], float, float, State]:
-    """Return boundaries by operator, operators without a stable body, K, least stable stiffness, N/m, and the verdict.
+) -> tuple[dict[str, Boundary], list[str], float, float, str]:
+    """Return boundaries by operator, operators without a stable body, K, least stable stiffness, N/m, and a doubt.
 
     A boundary gives the largest static stiffness of the body along the contact's normal, over the damping of a damper
     beside the body, along the normal and by backward difference. The whole response of the body is scaled, at the tip
     position where the scenario's run rests; motions are along the normal, or in all directions with friction. The
-    verdict is that of small motions in all directions about the scenario's own contact.
+    doubt is why the scenario's own loop is not known to be stable: small motions in all directions about its contact
+    do not decay, or its run does not rest. It is empty if the loop is stable.
 
     Args:
         s: its object is a body.
@@ -52,38 +54,38 @@ def body_boundaries(
     Raises:
         StabilityError: the contact is unknown, or no stiffness is stable with the scenario's operator.
     """
-    contact, trace, row = contact_of(s)
+    contact, run, row = contact_of(s)
     stiffness, loop = contact.static_stiffness, contact.loop
     choice = s.object.body
     assert choice is not None
     holds_across = choice.options.get("static_friction", 0.0) > 0.0 or len(choice.contact_points) > 1
     across = len(loop.normal) > 1 and holds_across
     if not across and len(loop.normal) > 1:
-        loop = loop.along_normal(device_loop(s, trace, row, contact.normal, False).path)
+        loop = loop.along_normal(device_loop(s, run.trace, row, contact.normal, False).path)
     if not stiffness > 0.0:
         raise StabilityError("the body has no stiffness along its force where the run leaves the tip")
     curves, never = {own: _boundary(loop, stiffness)}, []
     for index, (name, arm) in enumerate(others):
         progress((index + 1) / (len(others) + 1))
-        path = device_loop(s, trace, row, contact.normal, across, arm=arm).path
+        path = device_loop(s, run.trace, row, contact.normal, across, arm=arm).path
         try:
             curves[name] = _boundary(replace(loop, path=path), stiffness)
         except StabilityError:
             never.append(name)
     least = _interval(loop, curves[own].inside[0])[0]
-    return curves, never, stiffness, 0.0 if least <= _SCALES[0] else least * stiffness, contact.state
+    doubt = {State.STABLE: "" if run.rests else _MOVES, State.UNSTABLE: _ACROSS}.get(contact.state, _UNKNOWN)
+    return curves, never, stiffness, 0.0 if least <= _SCALES[0] else least * stiffness, doubt
 
 
 def body_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], None]) -> ZWidth:
     """Return the Z-width of a scenario whose object is a deformable body; see ``palpate.stability.zwidth``."""
     report("the body's response", 0.05)
-    curves, never, stiffness, least, state = body_boundaries(
+    curves, never, stiffness, least, doubt = body_boundaries(
         s, operator_name(s), other_operators(s), lambda done: report("exact boundary", 0.2 + 0.7 * done)
     )
     reason = "the passivity condition holds for springs and dampers, and a deformable body has states of its own"
     edge = next(iter(curves.values()))
     along = least < stiffness < float(edge.stiffness[np.argmin(edge.damping)])
-    otherwise = {State.STABLE: "", State.UNSTABLE: _ACROSS}.get(state, _UNKNOWN) if along else ""
     return ZWidth(
         title=s.title,
         curves=curves,
@@ -91,11 +93,11 @@ def body_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], No
         not_passive=reason,
         simulated=None,
         here=(0.0, stiffness),
-        stable_here=along and state is State.STABLE,
+        stable_here=along and not doubt,
         never=tuple(never),
         min_stable_stiffness=least,
         not_simulated=_NOT_SIMULATED,
-        unstable_by=otherwise,
+        unstable_by=doubt if along else "",
     )
 
 

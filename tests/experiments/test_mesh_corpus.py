@@ -19,6 +19,7 @@ REFUSED = {
     "Moebius band": "edges at a border",
     "no volume": "encloses no volume",
 }
+UNTOUCHED = {"cone": "no node is in contact"}  # its tip is smaller than a cell, whose points lie beside it
 FEW = ("organ", "intersecting spheres", "sphere with cavity", "sheet on three-triangle edge", *REFUSED)
 
 
@@ -33,6 +34,9 @@ def test_a_surface_is_pressed_plausibly_or_refused_at_once(name: str) -> None:
     assert found.refusal == ""
     assert found.angle > 9.9
     assert not abs(found.volume_error) > 0.06  # or not known, of intersecting parts
+    if name in UNTOUCHED:
+        assert any(UNTOUCHED[name] in text for text in found.warnings)
+        return
     assert 0.0 < found.force < 2.0 * found.hertz  # the thinnest plate, 6 mm on its base, has 1.7
 
 

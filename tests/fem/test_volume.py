@@ -285,6 +285,7 @@ def boxes(*limits: tuple[list[float], list[float]]) -> tuple[np.ndarray, np.ndar
     [
         ([([0, 0, 0], [8, 16, 32]), ([9.5, 0, 0], [17.5, 16, 32])], 3.0, 1.6),
         ([([0, 0, 0], [40, 40, 20]), ([8, 8, 14], [32, 32, 16])], 6.0, 2.5),
+        ([([0, 0, 0], [8, 16, 32]), ([9.5, 0, 0], [17.5, 16, 32]), ([-4, 8, 8], [2, 24, 24])], 3.0, 1.6),
     ],
 )
 def test_a_gap_or_a_cavity_thinner_than_the_cells_is_not_filled_silently(
@@ -292,12 +293,12 @@ def test_a_gap_or_a_cavity_thinner_than_the_cells_is_not_filled_silently(
 ) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with pytest.raises(BodyError, match=r"spacing: .* do not resolve 1 of the 2 parts and cavities of the surface"):
+        with pytest.raises(BodyError, match=r"spacing: .* do not resolve 1 of the [23] parts and cavities"):
             fill(*boxes(*shells), 1e-3 * coarse)
         made = fill(*boxes(*shells), 1e-3 * fine)
     expected = sum(
         np.prod(np.subtract(high, low)) * (-1) ** (k * (high[2] < 20)) for k, (low, high) in enumerate(shells)
-    )
+    ) - 2 * 8 * 16 * (len(shells) == 3)  # of the overlap of the first and the third
     assert made.size == pytest.approx(1e-9 * expected, rel=0.05)
 
 
@@ -316,8 +317,11 @@ def test_parts_that_overlap_are_refused_and_parts_that_touch_cause_a_warning() -
     for by in ([0.0, 0.0, 0.0], [0.007, 0.001, 0.0]):
         with pytest.raises(BodyError, match="parts of the mesh overlap each other"):
             shifted(one, by).check_joints()
-    with pytest.warns(BodyWarning, match="touch each other along 32 triangles whose points they do not share"):
+    with pytest.warns(BodyWarning, match="touch each other at 64 triangles, whose points they do not share"):
         shifted(one, [0.0, 0.0, 0.01]).check_joints()
+    for by in ([0.0013, 0.0021, 0.01], [0.0013, 0.0021, 0.0099]):  # with other triangles; a hundredth deep
+        with pytest.warns(BodyWarning, match="touch each other at"):
+            shifted(one, by).check_joints()
 
 
 @pytest.mark.parametrize(("kind", "corners"), [("hexahedron", 8), ("wedge", 6), ("pyramid", 5)])

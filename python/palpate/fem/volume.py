@@ -15,17 +15,17 @@ from numpy.typing import ArrayLike
 
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import format_size
-from palpate.contact.mesh import check_triangles, check_vertices, weld
-from palpate.contact.simplices import adjacent_faces, equal_neighbors, parts_of_cells, volumes
+from palpate.contact.mesh import check_triangles, check_vertices
+from palpate.contact.simplices import adjacent_faces, parts_of_cells, volumes
 from palpate.fem.checks import length, lengths, positive, unit_of_length, warn_of_size
-from palpate.fem.closed_surface import ClosedSurface, part_volumes, parts_of
+from palpate.fem.closed_surface import ClosedSurface, part_volumes
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.isosurface_stuffing import lattice_over, stuff
 from palpate.fem.mesh_estimate import MAX_SPACING
 from palpate.fem.mesh_improvement import improve, manifold
+from palpate.fem.mesh_parts import check_joints, unresolved_parts
 from palpate.fem.mesher import tetrahedra
 from palpate.fem.refinement import Size, refine
-from palpate.fem.winding_number import WindingNumber
 from palpate.files import check_readable
 from palpate.files.isolated import IsolatedError, run_isolated
 
@@ -129,27 +129,11 @@ class Volume:
         return np.delete(faces, np.append(one, other), axis=0)
 
     def check_joints(self) -> None:
-        """Check that no parts overlap or touch each other without being joined.
-
-        Raises:
-            BodyError: tetrahedra of different parts fill the same space.
-
-        Warns if parts have triangles at the same place, whose points are not shared.
-        """
+        """Check that no parts overlap or touch each other without being joined; see `mesh_parts.check_joints`."""
         if self.parts.max() == 0:
             return
         step = max(1, len(self.tetrahedra) // _SAMPLED)
-        centers = self.points[self.tetrahedra[::step]].mean(axis=1)
-        if (WindingNumber(self.points, self.surface)(centers) > 1.5).any():
-            raise BodyError("parts of the mesh overlap each other: unite them, and mesh again")
-        double = len(equal_neighbors(np.sort(weld(self.points, self.surface)[1], axis=1))[0])
-        if double:
-            warnings.warn(
-                f"parts of the mesh touch each other along {double} triangles whose points they do not share: they are "
-                "not joined there, and may penetrate each other; merge the points to join them",
-                BodyWarning,
-                stacklevel=3,
-            )
+        check_joints(self.points, self.surface, self.points[self.tetrahedra[::step]].mean(axis=1))
 
     @cached_property
     def parts(self) -> Indices:
@@ -341,23 +325,24 @@ def fill_surface(
             f"part{'s'[: parts != 1]}: it is too thin in places, so use a smaller spacing, such as "
             f"{1e3 * step / 2.0:.2g} mm"
         )
-    _check_shells(volume, surface, step, source)
+    _check_parts(volume, surface, step, source)
     return volume
 
 
-def _check_shells(volume: Volume, surface: ClosedSurface, step: float, source: str) -> None:
+def _check_parts(volume: Volume, surface: ClosedSurface, step: float, source: str) -> None:
     """Raise BodyError if the tetrahedra join parts that do not touch, or fill a cavity; warn if these are specks."""
-    if surface.shells == 1 or not surface.simple:
+    count = int(surface.parts.max()) + 1
+    if count == 1:
         return
-    filled = int(parts_of(volume.surface).max()) + 1
-    if filled >= surface.shells:
+    lost = unresolved_parts(volume.points, volume.surface, volume.parts, surface, step)
+    if len(lost) == 0:
         return
-    enclosed = np.abs(part_volumes(surface.vertices, surface.triangles, surface.parts))
     text = (
-        f"tetrahedra of {1e3 * step:.3g} mm do not resolve {surface.shells - filled} of the {surface.shells} parts and "
-        "cavities of the surface: they join or fill what lies closer than that, or is thinner"
+        f"tetrahedra of {1e3 * step:.3g} mm do not resolve {len(lost)} of the {count} parts and cavities of the "
+        "surface: they join or fill what lies closer than that, or is thinner"
     )
-    if filled < np.count_nonzero(enclosed > _SPECK * surface.volume):
+    sizes = np.abs(part_volumes(surface.vertices, surface.triangles, surface.parts))
+    if (sizes[lost] > _SPECK * surface.volume).any():
         raise BodyError(
             f"spacing: {source}: {text}; use a smaller spacing, such as {1e3 * step / 2.0:.2g} mm, or a surface with "
             "the parts united and the cavities closed"

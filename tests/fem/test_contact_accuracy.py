@@ -173,6 +173,18 @@ def test_a_tip_beside_the_nodes_has_no_sideways_force(small: str) -> None:
         solid.indent([0.015, 0.015, 0.02], "6 mm", "0.1 mm", outward=[0, 0, 1])
 
 
+def test_a_build_for_an_accuracy_warns_of_a_body_too_thin_for_it() -> None:
+    for height, depth, warned in ((5e-3, "1.5 mm", True), (5e-3, "0.8 mm", False), (20e-3, "1.5 mm", False)):
+        solid = block((0.03, 0.03, height), 0.01)
+        pad = Mesh(solid.points, solid.surface)
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            bodies.build(
+                pad, young=1e4, fixed="z <= 0 mm", touch="z > 4.9 mm", tip_radius="6 mm", depth=depth, accuracy="4%"
+            )
+        assert any("accuracy: under" in str(one.message) for one in told) == warned
+
+
 def test_the_error_on_a_thin_body_is_not_stated() -> None:
     """Converged axisymmetric elements: 0.0747 N on a pad of 2 mm. By signed distance the force is 11 to 23 % lower."""
     for height, depth, known in ((2e-3, 6e-4, False), (8e-3, 6e-4, True)):

@@ -17,7 +17,7 @@ from palpate.fem.body import Body
 from palpate.fem.checks import not_negative, positive, unit_of_length, warn_of_size, whole
 from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.condensation import Condensation, check_memory, check_memory_of_modes
-from palpate.fem.contact_accuracy import spacing_for
+from palpate.fem.contact_accuracy import pressed, spacing_for
 from palpate.fem.elements import Elements, check_order
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.material import Material, Region, SurfaceLayer
@@ -43,6 +43,7 @@ UNKNOWN_ACCURACY: Final = (
     "compare the force with that of a body of half the spacing"
 )
 _LARGEST = 1e3  # m, extent of a body
+_PLACES = 50  # at which the thickness of a body is measured
 _GROWTH = 0.3  # of the edges, per distance from the touched region
 _NODES = 4e4  # of a body whose spacing is not given; about a minute and 2 GB
 
@@ -88,8 +89,8 @@ def build(
             half the thickness of a thin body, with at most 40,000 nodes. Tetrahedra have their own edges.
         tip_radius: of a sphere, m or text, for which the spacing is chosen in place of `spacing`; see `spacing_for`.
         depth: of its presses, m or text; None for a quarter of its radius.
-        accuracy: of its force on a body of one modulus, such as "5%" (default). A body with regions or a surface layer
-            causes a warning.
+        accuracy: of its force on a thick body of one modulus, such as "5%" (default). A body with regions or a surface
+            layer, or one that is thin under most of its contact surface, causes a warning.
         growth: by which the edges grow, per distance from the surface in `touch`, up to the default spacing; 0: all
             edges have one spacing. None for 0.3 with `tip_radius` and `touch`, otherwise 0.
         mesher: of a surface, "stuffing" (deterministic) or "ftetwild"; see `fill`.
@@ -132,9 +133,27 @@ def build(
     stages.begin("assembling", f"assembling {len(volume.tetrahedra):,} tetrahedra, {len(volume.points):,} vertices")
     elements = Elements(volume, material, dirichlet, contact, order)
     contents = _condense(elements, modes, memory, stages, {"unit": unit, "modes": modes, "growth": growth})
+    body = Body(contents)
+    if tip_radius is not None:
+        _warn_of_thin(body, *pressed(tip_radius, depth))
     if output is not None:
         write(contents, output)
-    return Body(contents)
+    return body
+
+
+def _warn_of_thin(body: Body, radius: float, depth: float) -> None:
+    """Warn if most of the contact surface lies on material too thin for a tip's accuracy; see `is_thin`."""
+    places = body.nodes[:: max(1, len(body.nodes) // _PLACES)]
+    thin = sum(body.is_thin_under(place, radius, depth) for place in places)
+    if 2 * thin > len(places):
+        contact = 1e3 * float(np.sqrt(radius * depth))
+        warnings.warn(
+            f"accuracy: under {100 * thin / len(places):.0f} % of the contact surface the body is less than 1.8 times "
+            f"as thick as the contact radius of about {contact:.2g} mm: the error of the force is not known there; use "
+            "a smaller depth or tip",
+            BodyWarning,
+            stacklevel=3,
+        )
 
 
 def check_files(source: object, unit: str | None, output: str | Path | None) -> None:

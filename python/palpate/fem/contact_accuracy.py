@@ -115,6 +115,12 @@ def unresolved(nodes: Array, point: Array, radius: float, tip: TipShape) -> str:
     )
 
 
+def pressed(tip_radius: float | str, depth: float | str | None) -> tuple[float, float]:
+    """Return the radius of a tip and the depth of its presses, m; by default a quarter of the radius."""
+    radius = positive(tip_radius, "m", "tip_radius")
+    return radius, _DEPTH * radius if depth is None else positive(depth, "m", "depth")
+
+
 def spacing_for(
     tip_radius: float | str, depth: float | str | None = None, accuracy: float | str | None = None
 ) -> float:
@@ -131,8 +137,7 @@ def spacing_for(
     Raises:
         BodyError: a number is not positive, or the accuracy is not between 4 and 33 %.
     """
-    radius = positive(tip_radius, "m", "tip_radius")
-    deep = _DEPTH * radius if depth is None else positive(depth, "m", "depth")
+    radius, deep = pressed(tip_radius, depth)
     error = number("5%" if accuracy is None else accuracy, "", "accuracy")
     if not _BY_RATIO[-1] <= error <= _BY_RATIO[0]:
         raise BodyError(

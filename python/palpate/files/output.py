@@ -121,6 +121,8 @@ def check_writable(path: str | Path) -> None:
             raise NotADirectoryError(ENOTDIR, f"{there} is a file, not a folder")
         if not os.access(there, os.W_OK | os.X_OK):
             raise PermissionError(EACCES, f"no permission to write to the folder {there}")
+        with tempfile.TemporaryFile(dir=there):  # some folders allow writing, but hold no files: /proc
+            pass
 
 
 def write_folder(folder: str | Path, writers: Mapping[str, Writer], *, only: bool = False) -> list[Path]:

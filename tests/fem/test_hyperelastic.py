@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from palpate.fem import BodyError, HyperelasticModel, Law, Material, block
+from palpate.fem import BodyError, HyperelasticModel, Law, Material, block, build
 from palpate.fem.selectors import half_space
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -43,6 +43,29 @@ def stress_of(law: Law, f: Array) -> Array:
     u[:, -1] *= np.sign(np.linalg.det(u @ v))
     s[-1] *= np.sign(np.linalg.det(f))
     return 2 * MU * (f - u @ v) + LAMBDA * (s.sum() - 3) * (u @ v)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("base", [1e3, 1e5, 1e6])
+def test_a_column_of_two_materials_is_two_springs_in_series(law: Law, base: float) -> None:
+    """Smoothing over both materials made it 16 to 52 % too stiff. The flat end covers the top; nu is 0."""
+    solid = block((0.02, 0.02, 0.02), 5e-3)
+    column = build(
+        solid, young=1e4, poisson=0.0, fixed=BOTTOM, touch="z > 19.99 mm", regions=[f"z < 10 mm = {base} Pa"]
+    )
+    felt = column.hyperelastic("1 ms", law=law).indent([0.01, 0.01, 0.02], 16e-3, 2e-4, tip="flat").force[2]
+    assert felt == pytest.approx(2e-4 * 0.02**2 / (0.01 / 1e4 + 0.01 / base), rel=0.05)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("poisson", [-0.2, 0.4])
+def test_the_forces_on_a_body_of_several_materials_are_the_derivatives_of_its_energy(law: Law, poisson: float) -> None:
+    material = Material(8e3, poisson, regions=["z < 10 mm = 80 kPa", "sphere 25 15 25 radius 9 mm = 1 kPa"])
+    solid, rng = HyperelasticModel(block((0.03, 0.02, 0.03), 0.01), material, BOTTOM, law=law), np.random.default_rng(4)
+    at, way = (1e-3 * rng.standard_normal(solid.points.shape) for _ in range(2))
+    way[solid.elements.dirichlet] = 0.0
+    slope = (solid.evaluate(at + 1e-4 * way).energy - solid.evaluate(at - 1e-4 * way).energy) / 2e-4
+    assert (solid.evaluate(at).forces * way).sum() == pytest.approx(slope, rel=1e-6)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -49,6 +49,20 @@ def test_its_compliance_is_near_that_of_finite_elements(poisson: float) -> None:
     assert np.linalg.norm(found - solid.compliance) < 0.15 * np.linalg.norm(solid.compliance)
 
 
+@pytest.mark.parametrize(("poisson", "layer", "depth"), [(0.1, None, "6 mm"), (0.25, "2 mm = 2 kPa", "2 mm")])
+def test_a_press_that_inverts_tetrahedra_is_refused(poisson: float, layer: str | None, depth: str) -> None:
+    """The springs hold inverted cells, and negative pressures blow them up: forces of 5e84 N at a ratio of 0.1."""
+    solid = block((0.04, 0.04, HEIGHT), 0.003, layers=["2 mm"])
+    deep = bodies.build(solid, young=1e4, poisson=poisson, fixed=BOTTOM, touch=TOP, surface_layer=layer)
+    network = deep.mass_spring("1 ms")
+    assert network.indent([0.02, 0.02, HEIGHT], "8 mm", "1 mm").force[2] > 0.0
+    with pytest.raises(BodyError, match=r"the tip inverts tetrahedra of the body, which its springs do not prevent"):
+        network.indent([0.02, 0.02, HEIGHT], "8 mm", depth)
+    path = np.array([0.02, 0.02, HEIGHT + 8e-3]) - np.outer(np.linspace(0.0, 6e-3, 250), [0.0, 0.0, 1.0])
+    with pytest.raises(BodyError, match=r"path: in \d+ of 250 ticks the tip inverts tetrahedra"):
+        network.simulate_path(path, "8 mm")
+
+
 @pytest.mark.parametrize("poisson", [0.0, 0.25, 0.45])
 def test_uniform_strain_stores_what_the_solid_stores(poisson: float) -> None:
     """The patch test that a network can pass: nearly"""
@@ -192,13 +206,16 @@ def test_a_network_that_is_unstable_at_rest_is_refused() -> None:
     """Below a Poisson's ratio of 1/4 pressures are negative: springs of a soft skin do not bear those of the core."""
     solid = block((0.03, 0.03, 0.02), 0.004)
 
-    def skinned(poisson: float) -> Body:
+    def skinned(poisson: float, skin: str = "0.5 kPa") -> Body:
         layered = bodies.build(
-            solid, young=1e4, poisson=poisson, fixed=BOTTOM, touch=TOP, surface_layer="4 mm = 0.5 kPa"
+            solid, young=1e4, poisson=poisson, fixed=BOTTOM, touch=TOP, surface_layer=f"4 mm = {skin}"
         )
         return layered.mass_spring("1 ms")
 
-    with pytest.raises(BodyError, match=r"mass_spring: below a Poisson's ratio of 0.25 .* unstable at rest"):
+    for poisson, skin in ((-0.9, "10 kPa"), (-0.5, "3.4 kPa")):
+        with pytest.raises(BodyError, match=r"mass_spring: below a Poisson's ratio of 0.25 .* unstable at rest"):
+            skinned(poisson, skin)
+    with pytest.raises(BodyError, match=r"with moduli that differ by more than 3 times the body is much too soft"):
         skinned(0.1)
     assert skinned(0.3).indent([0.015, 0.015, 0.02], 8e-3, 5e-4, tip="flat").force[2] > 0.0
     assert (

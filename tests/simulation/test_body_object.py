@@ -459,6 +459,20 @@ def test_a_body_pressed_through_a_part_that_a_support_holds_is_not_settled(
     assert "through its fixed or stiff part" in trace.verdict.reason
 
 
+@pytest.mark.parametrize("options", [{}, {"update_interval": "10 ms"}])
+def test_a_run_whose_tip_inverts_tetrahedra_of_springs_is_not_settled(options: dict[str, Any]) -> None:
+    """Springs hold inverted cells at rest: the run was "settled" and its loop "stable" there."""
+    body = {"shape": "block", "size": ["40 mm", "40 mm", "20 mm"], "young": "10 kPa", "poisson": 0.25}
+    body |= {"spacing": "6 mm", "radius": "8 mm", "kind": "mass_spring", **options}
+    states = []
+    for force in ("-0.5 N", "-2.5 N"):
+        push = {"shape": "ramp", "rise": "0.3 s", "force": ["0 N", "0 N", force]}
+        place = {"kind": "body", "position": ["0 mm", "0 mm", "-8.5 mm"], "body": body}
+        run = simulate(tables(body, reference=push, object=place, run={"duration": "1.5 s"}))
+        states.append((run.verdict.state, "it inverts tetrahedra of the body" in run.verdict.reason))
+    assert states == [(State.SETTLED, False), (State.UNDECIDED, True)]
+
+
 def held_below(**body: Any) -> dict[str, Any]:
     """An arm presses with 1.5 N on a block whose surface is held around the tip."""
     shape = {"shape": "block", "size": ["40 mm", "40 mm", "20 mm"], "spacing": "4 mm", "young": "20 kPa"}

@@ -524,7 +524,10 @@ def test_one_component_is_set_in_a_list_or_beside_the_value_of_all_axes() -> Non
     assert with_value(SLIDER, force, 0)["operator"]["force"] == ["-0.5 N", "7.0 N", "0 N"]
     with pytest.raises(SweepError) as caught:
         with_value(SLIDER, Axis("object.position.y", "m", (7.0,)), 0)
-    assert str(caught.value) == "object.position.y: the scenario has no object.position whose axis could be varied"
+    assert (
+        str(caught.value)
+        == "object.position.y: the scenario has no object.position whose axis could be varied; write one into it first"
+    )
     with pytest.raises(SweepError, match=r"has no reference\.force whose axis"):
         with_value(SLIDER, Axis("reference.force.y", "N", (7.0,)), 0)
     assert run.MOST_SEEDS == 90_071_992

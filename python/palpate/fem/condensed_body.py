@@ -42,6 +42,7 @@ CoreBody = (
     | _core.MultirateBody
 )
 _STIFF: Final = 10.0  # ratio of moduli from which material counts as fixed
+_CONTRAST: Final = 3.0  # of the moduli of a mass-spring body with negative pressures: its force is then 9 % too small
 _LEVEL: Final = np.cos(np.radians(30.0))
 _LAYER_MODULI: Final[WeakKeyDictionary[BodyData, Array]] = WeakKeyDictionary()  # which the models of a body share
 
@@ -447,15 +448,19 @@ class CondensedBody:
         return MultifrontalSolver(stiffness, loads.tocsr()[free], network.points[free]).compliance()
 
     def _check_network(self) -> None:
-        """Raise BodyError if the springs and volumes are unstable at rest: pressures may be negative."""
-        network = self.spring_network
-        if (network.pressure < 0.0).any() and unstable_row(
-            network.free_matrix(self.contents.dirichlet), 0.0
-        ) is not None:
+        """Raise BodyError if negative pressures make the network unstable at rest, or of several moduli too soft."""
+        network, young = self.spring_network, self.contents.young
+        if not (network.pressure < 0.0).any():
+            return
+        problem = ""
+        if young.max() > _CONTRAST * young.min():
+            problem = f"with moduli that differ by more than {_CONTRAST:g} times the body is much too soft"
+        elif unstable_row(network.free_matrix(self.contents.dirichlet), 0.0) is not None:
+            problem = "they outweigh the springs: the body is unstable at rest"
+        if problem:
             raise BodyError(
-                "mass_spring: below a Poisson's ratio of 0.25 the volumes have negative pressures, and where stiff "
-                "material adjoins soft material they outweigh the springs: the body is unstable at rest. Use a "
-                "Poisson's ratio of 0.25 or more, or another model"
+                "mass_spring: below a Poisson's ratio of 0.25 the volumes have negative pressures, and "
+                f"{problem}. Use a Poisson's ratio of 0.25 or more, or another model"
             )
 
     def _own_compliance(self) -> Array:

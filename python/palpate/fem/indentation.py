@@ -40,6 +40,10 @@ OVERLAPS_FIXED: Final = (
     "away from it"
 )
 _SIDEWAYS: Final = 0.5  # cosine between the force on a tip and the normal of a press below which it points sideways
+_INVERTED: Final = (
+    "the tip inverts tetrahedra of the body, which its springs do not prevent: use a smaller depth or a larger tip, or "
+    "hyperelastic"
+)
 _FALLEN: Final = 0.99  # force over the largest one of a press, below which it has fallen
 _FLIGHT = 40  # windows of 50 ms without contact after which a mass-spring body has left the tip
 _STEPS_PER_RADIUS, _STILL_STEPS = 50, 5  # of an indentation of a signed-distance body; at its end
@@ -105,8 +109,8 @@ class IndentableBody(CondensedBody):
             BodyError: the radius is not positive or exceeds the body's extent.
             BodyError: the tip has another shape, or more than 128 nodes lie under it.
             BodyError: the tip is smaller than the distance of the nodes, and its force points sideways.
-            BodyError: the tip loses contact, or a body under large displacements finds no equilibrium or has inverted
-                tetrahedra.
+            BodyError: the tip loses contact, a mass-spring or hyperelastic body has inverted tetrahedra, or a
+                hyperelastic one finds no equilibrium.
         """
         if static := self._static_body():
             return static.indent(point, radius, depth, tip=tip)
@@ -324,7 +328,8 @@ class IndentableBody(CondensedBody):
 
         Raises:
             PoseError: the path or a direction has the wrong shape or a number that is not finite.
-            BodyError: the radius is not positive, the tip has another shape, or more than 128 nodes lie under it.
+            BodyError: the radius is not positive, the tip has another shape, more than 128 nodes lie under it, or it
+                inverts tetrahedra of a mass-spring or hyperelastic body.
         """
         centers = lengths(path, "path")
         if centers.ndim != 2 or centers.shape[1] != 3:
@@ -348,6 +353,8 @@ class IndentableBody(CondensedBody):
             _warn_of_lost(rows[:, None, LOST] > 0.0)
         if isinstance(self.core, _core.HyperelasticBody):
             check_found(rows[:, SOLVED] > 0.0)
+        if self.kind.name == "mass_spring":
+            _check_upright(rows)
         return ContactHistory.of(rows)
 
     def simulate_tips(
@@ -506,6 +513,14 @@ def check_resolved(force: Array, normal: Array, count: int, error: float | None,
             BodyWarning,
             stacklevel=3,
         )
+
+
+def _check_upright(rows: Array) -> None:
+    """Raise BodyError if a tip in contact inverts tetrahedra of a mass-spring body in some ticks (m, 15)."""
+    rows[rows[:, NODES] == 0, SOLVED] = 1.0  # without contact there is no force, whatever the shape
+    turned = (rows[:, SOLVED] == 0.0) & (rows[:, NODES] < MOST_NODES - 1)
+    if turned.any():
+        raise BodyError(f"path: in {int(turned.sum())} of {len(rows)} ticks {_INVERTED}")
 
 
 def _warn_of_unsolved(rows: Array) -> None:

@@ -72,7 +72,7 @@ class PalpationMetrics:
         final_swing: peak-to-peak object force over the last 0.1 s, largest of the axes.
         touching_at_end: whether contact was kept over the last 0.1 s.
         unsolved: number of samples whose contact force was not found: more than 128 nodes lie under the tip, or it
-            inverts tetrahedra of a hyperelastic body or moves too far between two of its model updates.
+            inverts tetrahedra of the body or moves too far between two updates of its model.
         contact_lost: number of samples without contact inside the body, after the tip was pushed through.
         over_fixed: whether the tip overlaps a fixed or held part of the surface, at the deepest deflection or at one of
             200 other samples since the first contact. No force acts there, so the object force is too small.

@@ -178,7 +178,9 @@ def with_value(tables: Mapping[str, Any], axis: Axis, index: int) -> dict[str, A
         for part in axis.key.split("."):
             before = before.get(part) if isinstance(before, Mapping) else None
         if before is None:
-            raise SweepError(f"{axis.path}: the scenario has no {axis.key} whose axis could be varied")
+            raise SweepError(
+                f"{axis.path}: the scenario has no {axis.key} whose axis could be varied; write one into it first"
+            )
         three = list(before) if isinstance(before, (list, tuple)) else [before] * 3
         three[axis.component] = value
         value = three

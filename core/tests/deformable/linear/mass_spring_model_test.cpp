@@ -67,9 +67,11 @@ double forces_at(SpringNetwork& network, const std::vector<Vector3<>>& x, std::v
 
 // Central differences of the energy along random directions, at large deformation.
 TEST(SpringNetwork, ForceIsTheGradientOfItsEnergy) {
-  for (const SpringLaw& law : laws) {
+  std::size_t draw = 0;
+  for (const double pressure : {2e4, -5e3, 2e4, -5e3, -5e4}) {
     Cube cube(2);
-    cube.data.law = law;
+    cube.data.law = laws[draw++ % laws.size()];
+    cube.data.pressure.assign(cube.data.pressure.size(), pressure);
     SpringNetwork network(cube.data);
     std::mt19937 random(2);
     std::normal_distribution<double> normal(0.0, 1e-3);
@@ -85,6 +87,51 @@ TEST(SpringNetwork, ForceIsTheGradientOfItsEnergy) {
     double expected = 0.0;
     for (std::size_t v = 0; v < x.size(); ++v) expected -= force[v].dot(along[v]);
     EXPECT_NEAR((energy(1e-4) - energy(-1e-4)) / 2e-4, expected, 1e-6 * std::abs(expected));
+  }
+}
+
+// Law: a network is inverted if, and only if, a tetrahedron has no positive volume; here a vertex is moved through its neighbors.
+TEST(SpringNetwork, IsInvertedIfATetrahedronHasNoPositiveVolume) {
+  const Cube cube(2);
+  SpringNetwork network(cube.data);
+  std::vector<Vector3<>> force(cube.data.rest_positions.size());
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> share(-1.0, 1.0);
+  int inverted = 0;
+  for (int draw = 0; draw < 200; ++draw) {
+    std::vector<Vector3<>> x = cube.data.rest_positions;
+    for (Vector3<>& p : x) p += 3e-3 * Vector3<>(share(random), share(random), share(random));
+    double least = 1.0;
+    for (const auto& t : cube.data.tetrahedra) {
+      const auto vertex = [&](std::size_t i) -> const Vector3<>& { return x[static_cast<std::size_t>(t[i])]; };
+      Matrix3<> edges;
+      for (int i = 0; i < 3; ++i) edges.col(i) = vertex(static_cast<std::size_t>(i) + 1) - vertex(0);
+      least = std::min(least, edges.determinant());
+    }
+    forces_at(network, x, force);
+    ASSERT_EQ(network.inverted(), !(least > 0.0)) << draw;
+    inverted += network.inverted() ? 1 : 0;
+  }
+  EXPECT_GT(inverted, 20);
+  EXPECT_LT(inverted, 180);
+  forces_at(network, cube.data.rest_positions, force);
+  EXPECT_FALSE(network.inverted());
+}
+
+// Law: volumes of negative pressure p release at most |p| V / 2, however far the vertices are from rest, and their forces fall.
+TEST(SpringNetwork, NegativePressuresReleaseABoundedEnergy) {
+  Cube cube(2);
+  cube.data.stiffness.assign(cube.data.stiffness.size(), 0.0);
+  cube.data.pressure.assign(cube.data.pressure.size(), -5e3);
+  SpringNetwork network(cube.data);
+  std::vector<Vector3<>> force(cube.data.rest_positions.size());
+  for (const double factor : {-3.0, -1.0, 0.5, 2.0, 100.0}) {
+    std::vector<Vector3<>> x = cube.data.rest_positions;
+    for (Vector3<>& p : x) p *= factor;
+    const double change = std::pow(factor, 3) - 1.0, least = -0.5 * 5e3 * std::pow(0.01, 3);
+    EXPECT_NEAR(forces_at(network, x, force), least * change * change / (1.0 + change * change), -1e-9 * least) << factor;
+    if (factor == 100.0)
+      for (const Vector3<>& f : force) EXPECT_LT(f.norm(), 1e-6);
   }
 }
 

@@ -20,7 +20,7 @@ struct ContactResult {
   bool sliding = false;                      ///< full sliding: dynamic friction
   bool lost = false;                         ///< tip inside the body without contact: it began there or was pushed through
   bool opposed = false;                      ///< tips of a tool press against each other: no common normal or depth
-  bool solved = true;                        ///< false: LCP iteration limit reached, or more nodes under the tip than its capacity
+  bool solved = true;  ///< false: LCP iteration limit reached, inverted tetrahedra, or more nodes under the tip than its capacity
 };
 
 /// Estimate the outward unit normal of a contact from the forces `node_force(k)` of `count` nodes, given in outward direction. Without

@@ -142,6 +142,7 @@ class TipContact {
   /// needed.
   void find_candidates(const Tip& tip) noexcept {
     result_ = {};
+    if constexpr (requires { model_->inverted(); }) result_.solved = !model_->inverted();
     if constexpr (has_creep) advance_creep();
     last_max_rest_depth_ = max_rest_depth_;
     double expected = 1.1 * max_depth_;  // margin over the last tick: a second query is rare

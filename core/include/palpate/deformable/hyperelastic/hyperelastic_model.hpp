@@ -42,8 +42,8 @@ struct DeadLoad {
 /// Selective edge- and node-based smoothing (Nguyen-Thoi, Liu, Vu-Do & Nguyen-Xuan 2009) avoids volumetric locking and reduces shear
 /// locking. With the law psi(F; mu, lambda) = psi(F; mu, 0) + lambda/2 theta(F)^2, the energy is
 ///   sum_e V_e psi(F_e; mu_e, 0) + sum_i V_i lambda_i/2 theta_i^2,
-/// where F_e is the mean deformation gradient around edge e, and theta_i the mean of theta(F_e) over the edges of node i. A negative lambda
-/// stays in the first sum, so the second one is convex in theta.
+/// where F_e is the mean deformation gradient around edge e, and theta_i the mean of theta(F_e) over the edges of node i, each in
+/// one material (SmoothingDomains). A negative lambda stays in the first sum, so the second one is convex in theta.
 ///
 /// With relaxation the body is a standard linear solid (Overstress) in each edge domain, whose stress includes the pressure of its nodes.
 /// Between begin_step() and end_step(), energies, forces and tangent are those of the potential of the step,
@@ -78,11 +78,12 @@ class HyperelasticModel {
     SmoothingDomains domains(mesh, number);
     energy_round_off_ = domains.energy_round_off;
     double volume = 0.0;
-    for (const double v : domains.nodal_volume) volume += v;
+    for (const double v : domains.volume_of_node) volume += v;
     length_ = std::cbrt(volume);
     tangent_ = make_tangent(domains);
     preconditioner_ = TwoLevelPreconditioner(positions);
     add_groups(domains);
+    volume_of_node_ = std::move(domains.volume_of_node);
     nodal_volume_ = std::move(domains.nodal_volume);
     nodal_lame_ = std::move(domains.nodal_lame);
     nodal_strain_.resize(nodal_volume_.size());
@@ -110,7 +111,7 @@ class HyperelasticModel {
   [[nodiscard]] double energy() const noexcept { return elastic_energy_ + overstress_energy_; }
   [[nodiscard]] const BlockMatrix& tangent() const noexcept { return tangent_; }  ///< derivative of the internal forces, N/m
   [[nodiscard]] TwoLevelPreconditioner& preconditioner() noexcept { return preconditioner_; }
-  [[nodiscard]] double nodal_volume(std::size_t node) const noexcept { return nodal_volume_[node]; }  ///< m^3
+  [[nodiscard]] double nodal_volume(std::size_t node) const noexcept { return volume_of_node_[node]; }  ///< m^3
 
   /// Add a mass to the tangent, until the next evaluation.
   template <class External>
@@ -299,11 +300,11 @@ class HyperelasticModel {
 
   /// `lanes` edges side by side, with the same number of weights; the last edge is repeated without volume.
   struct Group {
-    std::size_t weights = 0;       // number of nodes of each edge
-    std::size_t first_weight = 0;  // in weights_
-    std::size_t first_pair = 0;    // in pair_block_: pairs a <= b, by a
-    std::array<Indices, 2> ends{};
-    Scalar volume, shear, lame;  // m^3, Pa, Pa
+    std::size_t weights = 0;        // number of nodes of each edge
+    std::size_t first_weight = 0;   // in weights_
+    std::size_t first_pair = 0;     // in pair_block_: pairs a <= b, by a
+    std::array<Indices, 2> ends{};  // nodal volumes of the edges' ends
+    Scalar volume, shear, lame;     // m^3, Pa, Pa
   };
   struct Weight {
     Indices node{};
@@ -560,7 +561,8 @@ class HyperelasticModel {
   std::vector<Indices> pair_block_;                                        // index in the tangent; -1: a node is fixed
   std::vector<Material<Scalar>> materials_;                                // by group, at the last evaluated displacement
   std::vector<typename Material<Scalar>::TangentFactor> tangent_factors_;  // workspace, by weight of a group
-  std::vector<double> nodal_volume_, nodal_lame_, nodal_strain_;           // of all nodes: m^3, Pa, and mean volume strain
+  std::vector<double> volume_of_node_;                                     // m^3
+  std::vector<double> nodal_volume_, nodal_lame_, nodal_strain_;           // by node and material: m^3, Pa, and mean volume strain
   BlockMatrix tangent_;
   TwoLevelPreconditioner preconditioner_;
   ConjugateGradients<float> solver_;
@@ -569,7 +571,7 @@ class HyperelasticModel {
   double weight_ = 1.0;                         // same, of the elastic energy
   std::vector<Matrix3<Scalar>> deformations_;   // by group, with relaxation: F at the last evaluated displacement
   std::vector<Overstress<Scalar>> overstress_;  // same
-  std::vector<PressureMemory> nodal_memory_;    // by node, with relaxation: for the energy of the overstress
+  std::vector<PressureMemory> nodal_memory_;    // by nodal volume, with relaxation: for the energy of the overstress
   std::vector<Vector3<Scalar>> images_;         // workspace, by weight of a group: constant stress times gradient and volume
   double potential_ = 0.0;                      // of the step at the displacement, J
   double elastic_energy_ = 0.0;                 // W at the last evaluated displacement, J

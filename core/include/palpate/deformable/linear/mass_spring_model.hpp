@@ -157,6 +157,8 @@ class MassSpringModel {  // NOLINT(clang-analyzer-optin.performance.Padding): on
   [[nodiscard]] double energy() const noexcept { return kinetic_ + potential_; }
   /// Number of periods that were shortened or slowed to satisfy the energy inequality.
   [[nodiscard]] long limited_steps() const noexcept { return limited_steps_; }
+  /// Whether tetrahedra are inverted: the forces then have no meaning (SpringNetwork::inverted).
+  [[nodiscard]] bool inverted() const noexcept { return network_.inverted(); }
   [[nodiscard]] std::size_t vertices() const noexcept { return position_.size(); }
   /// Position of a vertex, m.
   [[nodiscard]] Vector3<> position(std::size_t vertex) const noexcept { return vector(position_[vertex]); }

@@ -45,7 +45,9 @@ struct SpringNetworkData {
 /// Elastic forces of a network of springs and volume terms. Springs alone give a solid of Poisson's ratio 1/4 (Cauchy); a pressure for the
 /// volume around each vertex supplies the difference (Golec et al. 2020). The volume of a vertex is a quarter of each adjacent tetrahedron,
 /// which avoids volumetric locking (Bonet & Burton 1998).
-///   W = sum k l0^2 P((l - l0) / l0) + sum p V0 (V / V0 - 1)^2 / 2,   P the integral of the law of the springs, e^2 / 2 if linear
+///   W = sum k l0^2 P((l - l0) / l0) + sum p V0 c^2 / 2,   c = V / V0 - 1,   P the integral of the law of the springs, e^2 / 2 if linear
+/// A negative pressure, of a Poisson's ratio below 1/4, has c^2 / (1 + c^2) in place of c^2: W would have no lower bound, and a body whose
+/// tetrahedra are inverted no bound of its forces.
 /// Lengths and volumes are exact, so rigid motion stores no energy.
 ///
 /// Four springs, or the edges of one tetrahedron, are evaluated side by side. The sums have one order, whatever the width of the registers.
@@ -118,6 +120,10 @@ class SpringNetwork {
     }
     return tetrahedra_.empty() ? energy : energy + add_volumes(x, force);
   }
+
+  /// Whether a tetrahedron had no positive volume at the positions of the last forces. Nothing resists that but the springs, which then
+  /// hold the body in a shape without meaning, and a negative pressure drives it on.
+  [[nodiscard]] bool inverted() const noexcept { return inverted_; }
 
   /// Upper bound L of the stiffness along each axis [N/m], for any rotation. It holds for the springs at any deformation (their transverse
   /// stiffness never exceeds the bound of the axial one) and for the volume terms near rest.
@@ -303,19 +309,24 @@ class SpringNetwork {
       yzx[i] = x[i].rotated();
       zxy[i] = yzx[i].rotated();
     }
+    double least = 1.0;  // m^3, more than any
     for (const auto& t : tetrahedra_) {
       const PaddedVector a = at(x, t[0]), ra = at(yzx, t[0]), v = at(x, t[2]) - a, w = at(x, t[3]) - a;
       const PaddedVector rv = at(yzx, t[2]) - ra, rw = at(yzx, t[3]) - ra, u = at(zxy, t[1]) - at(zxy, t[0]);
       const PaddedVector triple = u * (v * rw - rv * w);  // components z, x, y
       const double quarter = (triple[0] + triple[1] + triple[2]) * (1.0 / 24.0);
       for (const std::uint32_t i : t) value_at(i) += quarter;
+      least = std::min(least, quarter);
     }
+    inverted_ = !(least > 0.0);
     double energy = 0.0;
     for (std::size_t i = 0; i < count; ++i) {  // volume to pressure
       if (!(rest_volumes_[i] > 0.0)) continue;
       const double change = volume_change_[i] / rest_volumes_[i] - 1.0;
-      volume_change_[i] = data_.pressure[i] * change;
+      const double bound = data_.pressure[i] < 0.0 ? 1.0 / (1.0 + change * change) : 1.0;
+      volume_change_[i] = data_.pressure[i] * change * bound;
       energy += 0.5 * volume_change_[i] * change * rest_volumes_[i];
+      volume_change_[i] *= bound;
     }
     PaddedVector* const rotated_force = volume_force_.data();
     for (const auto& t : tetrahedra_) {
@@ -333,6 +344,7 @@ class SpringNetwork {
   }
 
   SpringNetworkData data_;
+  bool inverted_ = false;    // see inverted()
   std::vector<Edge> edges_;  // springs, and edges of tetrahedra without a spring
   // The same edges, sorted by their first vertex.
   std::vector<Run> runs_;

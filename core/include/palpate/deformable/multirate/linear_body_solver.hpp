@@ -226,6 +226,7 @@ class LinearBodySolver {
     if constexpr (requires { model_.linear(); })
       if (look_ahead_steps_ > 1 && !model_.linear()) to.compliance_ratio = tangent_ratio(to, loaded, forces, loads);
     add_partial_displacement(to);
+    if constexpr (requires { model_.inverted(); }) to.inverted = model_.inverted();
     to.has_memory = HasState<Model>;
     to.returnable = HasState<Model> ? energy() : 0.0;
     to.version = ++version_;

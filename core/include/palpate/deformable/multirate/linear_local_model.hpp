@@ -26,6 +26,7 @@ struct LinearLocalModel {
   double compliance_ratio = 1.0;             ///< of the tangent compliance at the state to C
   double lowest_free = 0.0;                  ///< lower bounds of both, m
   double lowest_elastic = 0.0;
+  bool inverted = false;    ///< whether the body has inverted tetrahedra at the state
   bool has_memory = false;  ///< whether the body may swing or recover when the tip has left
   double returnable = 0.0;  ///< energy that the body with memory may still return, J
   long version = 0;         ///< increasing
@@ -67,7 +68,7 @@ class LinearLocalContact {
     tip.energy *= factor;
     result_.energy = tip.energy;
     result_.nodes = tip.nodes;
-    result_.solved = tip.solved;
+    result_.solved = tip.solved && !model.inverted;
     for (std::size_t k = 0; k < static_cast<std::size_t>(tip.nodes); ++k) forces_[k] = factor * state_->contact.forces()[k];
     return result_;
   }

@@ -59,7 +59,7 @@ def test_a_press_that_inverts_tetrahedra_is_refused(poisson: float, layer: str |
     with pytest.raises(BodyError, match=r"the tip inverts tetrahedra of the body, which its springs do not prevent"):
         network.indent([0.02, 0.02, HEIGHT], "8 mm", depth)
     path = np.array([0.02, 0.02, HEIGHT + 8e-3]) - np.outer(np.linspace(0.0, 6e-3, 250), [0.0, 0.0, 1.0])
-    with pytest.raises(BodyError, match=r"path: in \d+ of 250 ticks the tip inverts tetrahedra"):
+    with pytest.raises(BodyError, match=r"in \d+ of 250 ticks the tip inverts tetrahedra"):
         network.simulate_path(path, "8 mm")
 
 
@@ -212,10 +212,11 @@ def test_a_network_that_is_unstable_at_rest_is_refused() -> None:
         )
         return layered.mass_spring("1 ms")
 
-    for poisson, skin in ((-0.9, "10 kPa"), (-0.5, "3.4 kPa")):
-        with pytest.raises(BodyError, match=r"mass_spring: below a Poisson's ratio of 0.25 .* unstable at rest"):
-            skinned(poisson, skin)
-    with pytest.raises(BodyError, match=r"with moduli that differ by more than 3 times the body is much too soft"):
+    with pytest.raises(BodyError, match=r"mass_spring: below a Poisson's ratio of 0.25 .* unstable at rest"):
+        skinned(-0.9, "10 kPa")
+    with pytest.raises(
+        BodyError, match=r"of stiff material they are over 4 times the shear modulus of the softest: it is too soft"
+    ):
         skinned(0.1)
     assert skinned(0.3).indent([0.015, 0.015, 0.02], 8e-3, 5e-4, tip="flat").force[2] > 0.0
     assert (

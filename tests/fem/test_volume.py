@@ -302,6 +302,24 @@ def test_a_gap_or_a_cavity_thinner_than_the_cells_is_not_filled_silently(
     assert made.size == pytest.approx(1e-9 * expected, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("shells", "expected"),
+    [
+        ([([0, 0, 0], [20, 20, 20]), ([18, 0, 0], [40, 20, 20]), ([8, 8, 8], [32, 12, 12])], 40 * 20 * 20),
+        (
+            [([0, 0, 0], [40, 40, 40]), ([8, 8, 8], [24, 24, 24]), ([16, 16, 16], [32, 32, 32])],
+            40**3 - 2 * 16**3 + 8**3,
+        ),
+    ],
+)
+def test_parts_hidden_in_others_and_cavities_that_overlap_are_filled(
+    shells: list[tuple[list[float], list[float]]], expected: float
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert fill(*boxes(*shells), 4e-3).size == pytest.approx(1e-9 * expected, rel=0.02)
+
+
 def shifted(one: Volume, by: list[float]) -> Volume:
     """Two copies of a mesh, the second one moved."""
     points = np.vstack([one.points, one.points + np.array(by)])

@@ -42,7 +42,7 @@ CoreBody = (
     | _core.MultirateBody
 )
 _STIFF: Final = 10.0  # ratio of moduli from which material counts as fixed
-_CONTRAST: Final = 3.0  # of the moduli of a mass-spring body with negative pressures: its force is then 9 % too small
+_DRAG: Final = 4.0  # largest negative pressure over the least shear modulus, where a column is 10 % too soft
 _LEVEL: Final = np.cos(np.radians(30.0))
 _LAYER_MODULI: Final[WeakKeyDictionary[BodyData, Array]] = WeakKeyDictionary()  # which the models of a body share
 
@@ -449,12 +449,14 @@ class CondensedBody:
 
     def _check_network(self) -> None:
         """Raise BodyError if negative pressures make the network unstable at rest, or of several moduli too soft."""
-        network, young = self.spring_network, self.contents.young
+        network = self.spring_network
         if not (network.pressure < 0.0).any():
             return
-        problem = ""
-        if young.max() > _CONTRAST * young.min():
-            problem = f"with moduli that differ by more than {_CONTRAST:g} times the body is much too soft"
+        problem, shear = "", self.contents.young.min() / (2.0 * (1.0 + self._recorded("poisson")))
+        if -network.pressure.min() > _DRAG * shear:
+            problem = (
+                f"of stiff material they are over {_DRAG:g} times the shear modulus of the softest: it is too soft"
+            )
         elif unstable_row(network.free_matrix(self.contents.dirichlet), 0.0) is not None:
             problem = "they outweigh the springs: the body is unstable at rest"
         if problem:

@@ -10,7 +10,7 @@ or none: of 200 random presses into each of three meshes, up to half exceeded it
 within 20 % from 0.8 of the distance on; below 0.6 their force is between zero and 1.8 times that of a punch.
 
 It is known for bodies of one modulus only (`has_known_error`). On skins of 0.2 to 20 times the modulus below it would
-be 7 to 17 %, and the force was up to 44 % wrong; with a nodule ten times as stiff, 1 mm below the surface, up to 79 %.
+be 7 to 17 %, and the force was up to 40 % wrong; with a nodule ten times as stiff, 1 mm below the surface, up to 70 %.
 
 Nor is it known for thin bodies (`is_thin`). By signed distance the force of a sphere of 8 mm was 11 to 23 % too small
 on pads of 2 and 4 mm, bonded below, with contact radii of 0.77 to 1.1 thicknesses. With 0.5 thicknesses it was up to

@@ -520,7 +520,7 @@ def _check_upright(rows: Array) -> None:
     rows[rows[:, NODES] == 0, SOLVED] = 1.0  # without contact there is no force, whatever the shape
     turned = (rows[:, SOLVED] == 0.0) & (rows[:, NODES] < MOST_NODES - 1)
     if turned.any():
-        raise BodyError(f"path: in {int(turned.sum())} of {len(rows)} ticks {_INVERTED}")
+        raise BodyError(f"in {int(turned.sum())} of {len(rows)} ticks {_INVERTED}")
 
 
 def _warn_of_unsolved(rows: Array) -> None:

@@ -22,9 +22,9 @@ _FINEST: Final = 30  # points along an edge of a triangle that is sampled, at mo
 def unresolved_parts(points: Array, outside: Indices, piece: Indices, surface: ClosedSurface, step: float) -> Indices:
     """Return parts of a surface, cavities included, that tetrahedra do not resolve, one of each set that is joined.
 
-    A part is missing if no point of the tetrahedra's surface is nearest to it. Parts whose points belong to one piece
-    of the tetrahedra, or of their surface, are joined. That is right of parts that overlap or touch; of the others the
-    one with most points is resolved.
+    A part is missing if no point of the tetrahedra's surface is nearest to it, unless others cover half of its surface
+    or more. Parts whose points belong to one piece of the tetrahedra, or of their surface, are joined. That is right of
+    parts that overlap or touch; of the others the one with most points is resolved.
 
     Args:
         points: of the tetrahedra (n, 3), m.
@@ -36,14 +36,14 @@ def unresolved_parts(points: Array, outside: Indices, piece: Indices, surface: C
     used = np.unique(outside)
     part = surface.parts[surface.nearest(points[used])[1]]
     seen = np.bincount(part, minlength=int(surface.parts.max()) + 1)
-    solid = part_volumes(surface.vertices, surface.triangles, surface.parts) > 0.0
+    solid = _solid(surface)
     shell = np.zeros(len(points), dtype=np.int64)
     shell[outside] = parts_of(outside)[:, None]
     sets = _in_one(part, piece[used], (seen > 0) & solid) + _in_one(part, shell[used], seen > 0)
     group = np.arange(len(seen))
     if sets:
         group = components(*_touching(surface, np.unique(np.concatenate(sets)), step), len(seen))
-    lost = set(np.flatnonzero(seen == 0).tolist())
+    lost = {k for k in np.flatnonzero(seen == 0).tolist() if not _is_hidden(surface, k, step)}
     for parts in sets:
         ordered = parts[np.argsort(-seen[parts], kind="stable")]
         first = np.sort(np.unique(group[ordered], return_index=True)[1])  # of each set that overlaps or touches
@@ -65,12 +65,28 @@ def _in_one(part: Indices, label: Indices, chosen: Flags) -> list[Indices]:
     return [found for one in np.unique(main[chosen]) if len(found := np.flatnonzero(main == one)) > 1]
 
 
+def _solid(surface: ClosedSurface) -> Flags:
+    """Return whether each part is solid, not a cavity (p,)."""
+    return np.asarray(part_volumes(surface.vertices, surface.triangles, surface.parts) > 0.0)
+
+
+def _is_hidden(surface: ClosedSurface, part: int, step: float) -> bool:
+    """Return whether others cover half or more of the surface of a solid part."""
+    points, normals = _sampled(surface.vertices, surface.triangles[surface.parts == part], step)
+    covered = surface.winding_number(points + _CLOSE * surface.extent * normals) > 0.5
+    return bool(_solid(surface)[part] and covered.mean() >= 0.5)
+
+
 def _touching(surface: ClosedSurface, parts: Indices, step: float) -> tuple[Indices, Indices]:
     """Return pairs of `parts` that overlap or touch: a point of the one's surface is covered by the other."""
     own = [surface.triangles[surface.parts == part] for part in parts]
     samples = [_sampled(surface.vertices, faces, step) for faces in own]
     close = _CLOSE * surface.extent
-    covered = [points[surface.winding_number(points + close * normals) > 0.5] for points, normals in samples]
+    solid = _solid(surface)[parts]
+    covered = []
+    for of_solid, (points, normals) in zip(solid, samples, strict=True):
+        there = surface.winding_number(points + close * normals)
+        covered.append(points[(there if of_solid else np.abs(there)) > 0.5])  # below zero: another cavity
     pairs: list[tuple[int, int]] = []
     for k, faces in enumerate(own):
         corners = surface.vertices[np.unique(faces)]
@@ -86,7 +102,7 @@ def _touching(surface: ClosedSurface, parts: Indices, step: float) -> tuple[Indi
 
 def _covers(winding: WindingNumber, surface: ClosedSurface, faces: Indices, points: Array, close: float) -> bool:
     """Return whether a point lies inside of a part, or on it."""
-    if (winding(points) > 0.5).any():
+    if (np.abs(winding(points)) > 0.5).any():
         return True
     tree = _core.TriangleMesh(np.ascontiguousarray(surface.vertices), np.ascontiguousarray(faces), True)
     return bool((np.linalg.norm(np.asarray(tree.nearest(points)[0]) - points, axis=1) <= close).any())

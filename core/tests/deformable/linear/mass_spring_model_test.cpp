@@ -100,11 +100,11 @@ TEST(SpringNetwork, IsInvertedIfATetrahedronHasNoPositiveVolume) {
   int inverted = 0;
   for (int draw = 0; draw < 200; ++draw) {
     std::vector<Vector3<>> x = cube.data.rest_positions;
-    for (Vector3<>& p : x) p += 3e-3 * Vector3<>(share(random), share(random), share(random));
+    for (Vector3<>& p : x) p += 2e-3 * Vector3<>(share(random), share(random), share(random));
     double least = 1.0;
     for (const auto& t : cube.data.tetrahedra) {
       const auto vertex = [&](std::size_t i) -> const Vector3<>& { return x[static_cast<std::size_t>(t[i])]; };
-      Matrix3<> edges;
+      Eigen::Matrix3d edges;
       for (int i = 0; i < 3; ++i) edges.col(i) = vertex(static_cast<std::size_t>(i) + 1) - vertex(0);
       least = std::min(least, edges.determinant());
     }

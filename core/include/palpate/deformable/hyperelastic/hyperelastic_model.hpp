@@ -42,8 +42,8 @@ struct DeadLoad {
 /// Selective edge- and node-based smoothing (Nguyen-Thoi, Liu, Vu-Do & Nguyen-Xuan 2009) avoids volumetric locking and reduces shear
 /// locking. With the law psi(F; mu, lambda) = psi(F; mu, 0) + lambda/2 theta(F)^2, the energy is
 ///   sum_e V_e psi(F_e; mu_e, 0) + sum_i V_i lambda_i/2 theta_i^2,
-/// where F_e is the mean deformation gradient around edge e, and theta_i the mean of theta(F_e) over the edges of node i, each in
-/// one material (SmoothingDomains). A negative lambda stays in the first sum, so the second one is convex in theta.
+/// where F_e is the mean deformation gradient around edge e, and theta_i the mean of theta(F_e) over the edges of node i, each of
+/// similar moduli (SmoothingDomains). A negative lambda stays in the first sum, so the second one is convex in theta.
 ///
 /// With relaxation the body is a standard linear solid (Overstress) in each edge domain, whose stress includes the pressure of its nodes.
 /// Between begin_step() and end_step(), energies, forces and tangent are those of the potential of the step,
@@ -562,7 +562,7 @@ class HyperelasticModel {
   std::vector<Material<Scalar>> materials_;                                // by group, at the last evaluated displacement
   std::vector<typename Material<Scalar>::TangentFactor> tangent_factors_;  // workspace, by weight of a group
   std::vector<double> volume_of_node_;                                     // m^3
-  std::vector<double> nodal_volume_, nodal_lame_, nodal_strain_;           // by node and material: m^3, Pa, and mean volume strain
+  std::vector<double> nodal_volume_, nodal_lame_, nodal_strain_;           // by nodal volume: m^3, Pa, and mean volume strain
   BlockMatrix tangent_;
   TwoLevelPreconditioner preconditioner_;
   ConjugateGradients<float> solver_;

@@ -122,7 +122,7 @@ class ModalMotion final : public BodyMotion {
   /// Force on mode k that inertia and damping exert at the end of the last period, as if the mode were in equilibrium, N/sqrt(kg).
   [[nodiscard]] double inertial_force(std::size_t k) const noexcept {
     const auto i = static_cast<Eigen::Index>(k);
-    return omega2_[i] * state_[0][i] - static_cast<double>(modal_force_.data()->value[k]);
+    return omega2_[i] * state_[0][i] - static_cast<double>(modal_force_[k / 16].value[k % 16]);
   }
 
   /// Continue with the first `count` values and velocities, of an elastic body.

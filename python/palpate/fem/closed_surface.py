@@ -150,6 +150,11 @@ class ClosedSurface:
         return parts_of(self.triangles)
 
     @cached_property
+    def part_volumes(self) -> Array:
+        """Volume enclosed by each part (p,), m^3; that of a cavity is negative."""
+        return part_volumes(self.vertices, self.triangles, self.parts)
+
+    @cached_property
     def shells(self) -> int:
         """Number of shells: sets of triangles connected through edges of two triangles."""
         one, two = equal_neighbors(np.sort(half_edges(self.triangles), axis=1))

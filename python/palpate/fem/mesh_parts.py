@@ -11,7 +11,7 @@ from palpate import _core
 from palpate.arrays import Array, Flags, Indices
 from palpate.contact.pseudonormals import Pseudonormals
 from palpate.contact.simplices import area_vectors, components
-from palpate.fem.closed_surface import ClosedSurface, part_volumes, parts_of
+from palpate.fem.closed_surface import ClosedSurface, parts_of
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.winding_number import WindingNumber
 
@@ -36,14 +36,15 @@ def unresolved_parts(points: Array, outside: Indices, piece: Indices, surface: C
     used = np.unique(outside)
     part = surface.parts[surface.nearest(points[used])[1]]
     seen = np.bincount(part, minlength=int(surface.parts.max()) + 1)
-    solid = _solid(surface)
+    solid = surface.part_volumes > 0.0
     shell = np.zeros(len(points), dtype=np.int64)
     shell[outside] = parts_of(outside)[:, None]
     sets = _in_one(part, piece[used], (seen > 0) & solid) + _in_one(part, shell[used], seen > 0)
     group = np.arange(len(seen))
     if sets:
         group = components(*_touching(surface, np.unique(np.concatenate(sets)), step), len(seen))
-    lost = {k for k in np.flatnonzero(seen == 0).tolist() if not _is_hidden(surface, k, step)}
+    missing = np.flatnonzero(seen == 0).tolist()
+    lost = {k for k in missing if not solid[k] or _covered(surface, k, step)[1].mean() < 0.5}
     for parts in sets:
         ordered = parts[np.argsort(-seen[parts], kind="stable")]
         first = np.sort(np.unique(group[ordered], return_index=True)[1])  # of each set that overlaps or touches
@@ -65,37 +66,30 @@ def _in_one(part: Indices, label: Indices, chosen: Flags) -> list[Indices]:
     return [found for one in np.unique(main[chosen]) if len(found := np.flatnonzero(main == one)) > 1]
 
 
-def _solid(surface: ClosedSurface) -> Flags:
-    """Return whether each part is solid, not a cavity (p,)."""
-    return np.asarray(part_volumes(surface.vertices, surface.triangles, surface.parts) > 0.0)
+def _covered(surface: ClosedSurface, part: int, step: float) -> tuple[Array, Flags]:
+    """Return points of the surface of a part (n, 3), m, and whether another part covers them (n,).
 
-
-def _is_hidden(surface: ClosedSurface, part: int, step: float) -> bool:
-    """Return whether others cover half or more of the surface of a solid part."""
+    Solid parts cover by a winding number of 1, cavities that overlap another one by -1.
+    """
     points, normals = _sampled(surface.vertices, surface.triangles[surface.parts == part], step)
-    covered = surface.winding_number(points + _CLOSE * surface.extent * normals) > 0.5
-    return bool(_solid(surface)[part] and covered.mean() >= 0.5)
+    outside = surface.winding_number(points + _CLOSE * surface.extent * normals)
+    return points, (outside if surface.part_volumes[part] > 0.0 else np.abs(outside)) > 0.5
 
 
 def _touching(surface: ClosedSurface, parts: Indices, step: float) -> tuple[Indices, Indices]:
     """Return pairs of `parts` that overlap or touch: a point of the one's surface is covered by the other."""
-    own = [surface.triangles[surface.parts == part] for part in parts]
-    samples = [_sampled(surface.vertices, faces, step) for faces in own]
     close = _CLOSE * surface.extent
-    solid = _solid(surface)[parts]
-    covered = []
-    for of_solid, (points, normals) in zip(solid, samples, strict=True):
-        there = surface.winding_number(points + close * normals)
-        covered.append(points[(there if of_solid else np.abs(there)) > 0.5])  # below zero: another cavity
+    covered = [points[under] for points, under in (_covered(surface, part, step) for part in parts.tolist())]
     pairs: list[tuple[int, int]] = []
-    for k, faces in enumerate(own):
+    for k, part in enumerate(parts):
+        faces = surface.triangles[surface.parts == part]
         corners = surface.vertices[np.unique(faces)]
         low, high = corners.min(axis=0) - close, corners.max(axis=0) + close
         winding = WindingNumber(surface.vertices, faces)
         for j, points in enumerate(covered):
             near = points[((points >= low) & (points <= high)).all(axis=1)]
             if j != k and len(near) and _covers(winding, surface, faces, near, close):
-                pairs.append((int(parts[j]), int(parts[k])))
+                pairs.append((int(parts[j]), int(part)))
     found = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     return found[:, 0], found[:, 1]
 
@@ -145,8 +139,9 @@ def check_joints(points: Array, outside: Indices, centers: Array) -> None:
     normals = Pseudonormals(points, outside)
     away = _CLOSE * float(np.linalg.norm(np.ptp(points, axis=0)))
     covered = winding(points[outside].mean(axis=1) + away * normals.of_faces) > 0.5
-    corners = winding(points + away * normals.of_vertices) > 0.5
-    number = int((covered | corners[outside].any(axis=1)).sum())
+    used, corner = np.unique(outside, return_inverse=True)
+    corners = winding(points[used] + away * normals.of_vertices[used]) > 0.5
+    number = int((covered | corners[corner].reshape(-1, 3).any(axis=1)).sum())
     if number:
         warnings.warn(
             f"parts of the mesh touch each other at {number} triangles, whose points they do not share: they are not "

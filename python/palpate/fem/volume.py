@@ -18,7 +18,7 @@ from palpate.contact.diagnosis import format_size
 from palpate.contact.mesh import check_triangles, check_vertices
 from palpate.contact.simplices import adjacent_faces, parts_of_cells, volumes
 from palpate.fem.checks import length, lengths, positive, unit_of_length, warn_of_size
-from palpate.fem.closed_surface import ClosedSurface, part_volumes
+from palpate.fem.closed_surface import ClosedSurface
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.isosurface_stuffing import lattice_over, stuff
 from palpate.fem.mesh_estimate import MAX_SPACING
@@ -341,8 +341,7 @@ def _check_parts(volume: Volume, surface: ClosedSurface, step: float, source: st
         f"tetrahedra of {1e3 * step:.3g} mm do not resolve {len(lost)} of the {count} parts and cavities of the "
         "surface: they join or fill what lies closer than that, or is thinner"
     )
-    sizes = np.abs(part_volumes(surface.vertices, surface.triangles, surface.parts))
-    if (sizes[lost] > _SPECK * surface.volume).any():
+    if (np.abs(surface.part_volumes[lost]) > _SPECK * surface.volume).any():
         raise BodyError(
             f"spacing: {source}: {text}; use a smaller spacing, such as {1e3 * step / 2.0:.2g} mm, or a surface with "
             "the parts united and the cavities closed"

@@ -58,7 +58,7 @@ struct SwingingColumn {
     const LayeredSurface layer(block.mesh.points, surface.triangles, surface.point, {surface.point.size(), {6e3, 6e3}});
     contact = SurfaceContact(block.mesh.points, layer, node_of, model.free_nodes());
     std::vector<double> by_node;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(model.free_nodes()); ++i) by_node.push_back(1000.0 * model.nodal_volume(i));
+    for (std::size_t i = 0; i < static_cast<std::size_t>(model.free_nodes()); ++i) by_node.push_back(1000.0 * model.volume_of_node(i));
     mass.resize(static_cast<Eigen::Index>(model.unknowns()));
     for (Eigen::Index k = 0; k < mass.size(); ++k) mass[k] = by_node[static_cast<std::size_t>(k / 3)];
     dynamics = BodyDynamics(Inertia{1000.0, alpha, beta}, by_node, model.nodes());

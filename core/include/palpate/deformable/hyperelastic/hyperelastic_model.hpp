@@ -111,7 +111,7 @@ class HyperelasticModel {
   [[nodiscard]] double energy() const noexcept { return elastic_energy_ + overstress_energy_; }
   [[nodiscard]] const BlockMatrix& tangent() const noexcept { return tangent_; }  ///< derivative of the internal forces, N/m
   [[nodiscard]] TwoLevelPreconditioner& preconditioner() noexcept { return preconditioner_; }
-  [[nodiscard]] double nodal_volume(std::size_t node) const noexcept { return volume_of_node_[node]; }  ///< m^3
+  [[nodiscard]] double volume_of_node(std::size_t node) const noexcept { return volume_of_node_[node]; }  ///< m^3
 
   /// Add a mass to the tangent, until the next evaluation.
   template <class External>

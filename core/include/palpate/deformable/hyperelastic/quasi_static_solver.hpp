@@ -76,7 +76,7 @@ class QuasiStaticSolver {
     if (options.contact_compliance) contact_compliance_ = ContactCompliance(model_.unknowns());
     if (options.inertia.density > 0.0) {
       std::vector<double> mass;
-      for (std::size_t i = 0; i < at(model_.free_nodes()); ++i) mass.push_back(options.inertia.density * model_.nodal_volume(i));
+      for (std::size_t i = 0; i < at(model_.free_nodes()); ++i) mass.push_back(options.inertia.density * model_.volume_of_node(i));
       dynamics_ = BodyDynamics(options.inertia, std::move(mass), model_.nodes());
       dynamic_force_.resize(model_.unknowns());
       elastic_force_.resize(model_.unknowns());

@@ -43,6 +43,7 @@ class LocalModelContact {
       for (std::size_t i = 0; i < capacity; ++i) force_[i] = static_cast<float>(model.force[i]);
     }
     predict();
+    total_stiffness_ = 0.0;
     double energy = evaluate();
     double before = error(0.0);
     const double enough = std::clamp(kept_rate * before, tolerance, step_tolerance);
@@ -187,14 +188,15 @@ class LocalModelContact {
     double energy = 0.0;
     for (std::size_t i = 0; i < size(); ++i)
       if (force_[i] != 0.0F) energy += 0.5 * static_cast<double>(force_[i]) * moved(i);
-    total_stiffness_ = 0.0;
+    double stiffness = 0.0;
     target_.fill(0.0F);
     pressed_.press(model, *tips_, displacement_);
     for (const Group& p : pressed_) {
       energy += static_cast<double>(detail::sum_of(p.energy));
-      total_stiffness_ += static_cast<double>(detail::sum_of(p.stiffness[0] + p.stiffness[1] + p.stiffness[2]));
+      stiffness += static_cast<double>(detail::sum_of(p.stiffness[0] + p.stiffness[1] + p.stiffness[2]));
       pressed_.for_each_force(p, [this](std::size_t node, float force) { target_[node] += force; });
     }
+    total_stiffness_ = std::max(total_stiffness_, stiffness);
     target_[capacity] = 0.0F;
     return energy;
   }
@@ -290,7 +292,8 @@ class LocalModelContact {
   const TipPair* tips_ = nullptr;
   long version_ = -1;
   double scale_ = 1.0;
-  double total_force_ = 0.0, total_stiffness_ = 0.0;  // of the last evaluation: sum of |F|, N, and of the diagonal of H, N/m
+  double total_force_ = 0.0;                          // of the last evaluation: sum of |F|, N
+  double total_stiffness_ = 0.0;                      // of the call's evaluations: largest sum of the diagonal of H, N/m
   double last_way_ = 0.0;                             // square of the tips' way from the call before to the last, m^2
   long factored_version_ = -1;                        // state of the factor
   double factored_scale_ = 1.0;

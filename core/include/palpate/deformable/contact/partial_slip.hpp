@@ -81,6 +81,7 @@ class PartialSlip {
     displacement_.head(2 * count_) = target_.head(2 * count_) - lag_.head(2 * count_);
     if (changes_) {
       count_supply();
+      pay_by_slip();
       limit_energy();
     }
     update_slip_state(has_memory<Model> ? before : count_);
@@ -315,6 +316,18 @@ class PartialSlip {
       change += stored;
     }
     exchanged_ += std::abs(change);
+  }
+
+  /// Count work of slip as supplied as far as changes of the compliance have raised the stored energy. Slip by the tip's motion dissipates
+  /// what the tip supplies. On a body that yields more and more while the tip slides, a part of this way is elastic.
+  void pay_by_slip() noexcept {
+    double slip_work = 0.0;
+    for (int s = 0; s < count_; ++s) {
+      if (!slips(s)) continue;
+      const auto force = force_.segment<2>(2 * s);
+      slip_work += std::max(force.dot(lag(s)) - std::max(force.dot(start_lag_.segment<2>(2 * s)), 0.0), 0.0);
+    }
+    left_over_ = std::max(left_over_, std::min(left_over_ + 2.0 * slip_work, 0.0));
   }
 
   /// Scale the forces down where they would store more than `most_energy` times the energy that the tip has supplied and slip has not

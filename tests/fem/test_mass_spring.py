@@ -63,6 +63,15 @@ def test_a_press_that_inverts_tetrahedra_is_refused(poisson: float, layer: str |
         network.simulate_path(path, "8 mm")
 
 
+def test_a_path_whose_last_tick_inverts_tetrahedra_is_refused() -> None:
+    """The shape at the end of a tick decides: a jump of 16 mm passed."""
+    solid = bodies.build(block((0.04, 0.04, HEIGHT), 0.004), young=1e4, poisson=0.45, fixed=BOTTOM, touch=TOP)
+    network = solid.mass_spring("1 ms")
+    path = np.array([0.02, 0.02, HEIGHT + 8e-3]) - np.outer([0.0, 0.0, 16e-3], [0.0, 0.0, 1.0])
+    with pytest.raises(BodyError, match=r"in 1 of 3 ticks the tip inverts tetrahedra"):
+        network.simulate_path(path, "8 mm")
+
+
 @pytest.mark.parametrize("poisson", [0.0, 0.25, 0.45])
 def test_uniform_strain_stores_what_the_solid_stores(poisson: float) -> None:
     """The patch test that a network can pass: nearly"""

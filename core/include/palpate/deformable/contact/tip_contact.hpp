@@ -55,6 +55,7 @@ class TipContact {
     if constexpr (HasTangentialCompliance<Model>)
       if (slip_.enabled()) update_friction(tip);
     advance_model();
+    if constexpr (requires { model_->inverted(); }) result_.solved = result_.solved && !model_->inverted();
     update_energy();
     return result_;
   }
@@ -142,7 +143,6 @@ class TipContact {
   /// needed.
   void find_candidates(const Tip& tip) noexcept {
     result_ = {};
-    if constexpr (requires { model_->inverted(); }) result_.solved = !model_->inverted();
     if constexpr (has_creep) advance_creep();
     last_max_rest_depth_ = max_rest_depth_;
     double expected = 1.1 * max_depth_;  // margin over the last tick: a second query is rare

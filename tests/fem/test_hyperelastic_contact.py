@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from palpate.fem import HyperelasticModel, Law, Material, QuasiStaticSolver, Volume, block
+from palpate.fem import Body, BodyError, HyperelasticModel, Law, Material, QuasiStaticSolver, Volume, block, build
 from palpate.fem.checks import TipShape
 from palpate.fem.selectors import Selector, half_space
 
@@ -125,3 +125,47 @@ def test_a_tip_outside_of_an_open_contact_surface_feels_nothing(law: Law) -> Non
     felt = solid.simulate_path(path, 6e-3, outward=[0.0, 0.0, 1.0], every=20)
     assert np.linalg.norm(felt.force[:100, 0], axis=1).max() > 0.05
     assert not felt.force[300:].any()
+
+
+def slender(size: tuple[float, float, float], cell: float, fixed: str, poisson: float = 0.4) -> Body:
+    return build(block(size, cell), young=2e4, poisson=poisson, fixed=fixed)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_the_forces_of_a_touch_as_deep_as_rounding_are_found(friction: float) -> None:
+    """They vanish as the beam yields, and the residual of a force of 1 nN counted as an error of its sum."""
+    beam = slender((0.06, 0.01, 0.01), 2.5e-3, "x < 0.1 mm").hyperelastic("1 ms", static_friction=friction)
+    touch = np.array([0.05, 0.005, 0.016])
+    for depth in 10.0 ** np.random.default_rng(3).uniform(-11.0, -8.0, 60):
+        heights = np.array([1e-4, 5e-5, -depth, -depth])
+        force = beam.simulate_path(touch + heights[:, None] * UP, 6e-3).force
+        assert np.linalg.norm(force, axis=1).max() < 1e-5
+
+
+def test_a_force_that_lags_for_want_of_energy_is_refused_and_shorter_updates_find_it() -> None:
+    """A tip led round a circle on a column came to rest with half its force or less, and nothing said so."""
+    column = slender((0.016, 0.016, 0.04), 4e-3, "z < 0.1 mm", poisson=0.45)
+    angle = np.maximum(np.linspace(-0.1 * np.pi, 6.0 * np.pi, 3970), 0.0)
+    circle = 2e-3 * np.stack([np.sin(angle), -np.cos(angle), np.zeros_like(angle)], axis=1) + [0.008, 0.008, 0.046]
+
+    def path(depth: float) -> Array:
+        down = circle[0] + np.linspace(2e-4, -depth, 200)[:, None] * UP
+        round_ = circle - depth * UP
+        return np.vstack([down, round_, np.repeat(round_[-1:], 1000, axis=0)])
+
+    with pytest.raises(BodyError, match=r"the contact forces of \d+ of 5170 ticks were not found.*shorter interval"):
+        column.hyperelastic("1 ms", update_interval="20 ms").simulate_path(path(2e-3), 6e-3)
+    force = column.hyperelastic("1 ms", update_interval="5 ms").simulate_path(path(1.5e-3), 6e-3).force
+    assert np.linalg.norm(force[-1] - force[350]) < 0.01 * np.linalg.norm(force[350])
+
+
+def test_a_tip_that_slides_over_a_beam_feels_all_of_its_friction() -> None:
+    """The beam yields more and more on the way. Its energy counted as given by nobody, which drained the friction."""
+    beam = slender((0.06, 0.014, 0.01), 3e-3, "x < 0.1 mm")
+    touched = np.array([0.03, 0.007, 0.016])
+    down = touched + np.linspace(2e-4, -2e-3, 150)[:, None] * UP
+    path = np.vstack([down, down[-1] + np.linspace(0.0, 0.02, 1000)[:, None] * [1.0, 0.0, 0.0]])
+    for update in ("2 ms", "10 ms", "20 ms"):
+        felt = beam.hyperelastic("1 ms", update_interval=update, static_friction=0.4).simulate_path(path, 6e-3)
+        friction, normal = (np.linalg.norm(f, axis=1)[-500:] for f in (felt.friction, felt.force - felt.friction))
+        assert np.abs(friction / normal / 0.4 - 1.0).max() < 0.12

@@ -556,7 +556,7 @@ def not_found(found: Flags) -> str:
     return (
         f"path: the contact forces of {missing} of {len(found)} ticks were not found: more than {MOST_NODES} "
         "nodes lie under the tip, it inverts tetrahedra of the body, or it moves too far between two model "
-        "updates: use a smaller depth or tip, a coarser mesh, or smaller steps"
+        "updates: use a smaller depth or tip, a coarser mesh, smaller steps, or a shorter interval between updates"
     )
 
 

@@ -21,7 +21,7 @@ from palpate.contact.mesh import Mesh
 from palpate.contact.pseudonormals import Pseudonormals
 from palpate.contact.simplices import area_vectors, boundary, parts_of_cells
 from palpate.fem.checks import point_of
-from palpate.fem.contact_accuracy import is_thin
+from palpate.fem.contact_accuracy import is_shallow, is_thin, node_distance
 from palpate.fem.errors import BodyError
 from palpate.fem.layer_modulus import layer_moduli
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
@@ -170,6 +170,10 @@ class CondensedBody:
         node = self.nearest_node(point)
         inward = -self.normals[node]
         return is_thin(radius, depth, self.depth_along(self.nodes[node] + 1e-6 * self.extent * inward, inward))
+
+    def is_shallow_under(self, point: Array, radius: float, depth: float) -> bool:
+        """Return whether a sphere presses too little near a point (3,), m, for a known error (`is_shallow`)."""
+        return is_shallow(radius, depth, node_distance(self.nodes, point))
 
     def in_phase(self, number: int) -> CondensedBody:
         """Return the geometry of the body after a number of changes of its supports: its nodes are those not held."""

@@ -153,15 +153,15 @@ class IndentableBody(CondensedBody):
             return None
         if not has_known_error(self.record) or not (by_distance or self.is_level(point, radius)):
             return None
+        contact = f"the contact radius of about {1e3 * float(np.sqrt(radius * depth)):.2g} mm"
+        problem = ""
         if self.is_thin_under(point, radius, depth):
-            warnings.warn(
-                f"depth: the body is thin under the tip, less than 1.8 times the contact radius of about "
-                f"{1e3 * float(np.sqrt(radius * depth)):.2g} mm: the error of its force is not known",
-                BodyWarning,
-                stacklevel=3,
-            )
-            return None
-        return force_error(nodes, signed_distance=by_distance)
+            problem = f"the body is thin under the tip, less than 1.8 times {contact}"
+        elif self.is_shallow_under(point, radius, depth):
+            problem = f"{contact} is less than 0.38 times the distance of the nodes (press deeper, or use a finer mesh)"
+        if problem and nodes > 0:
+            warnings.warn(f"depth: {problem}: the error of its force is not known", BodyWarning, stacklevel=3)
+        return None if problem else force_error(nodes, signed_distance=by_distance)
 
     def _static_body(self) -> Self | None:
         """Return the body without inertia, creep, friction and changes of supports, or None if it has none of them.

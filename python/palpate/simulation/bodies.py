@@ -87,6 +87,7 @@ def has_known_mesh_error(trace: Recorded, row: int) -> bool:
         not unresolved(body.nodes, center, choice.radius, choice.tip)
         and (body.kind.by_distance or body.is_level(center, choice.radius))
         and not body.is_thin_under(center, choice.radius, depth)
+        and not body.is_shallow_under(center, choice.radius, depth)
         for center, depth in zip(centers, depths_at_rest(body, centers, choice.radius), strict=True)
     )
 

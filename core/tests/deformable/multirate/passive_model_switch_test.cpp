@@ -35,6 +35,7 @@ struct Spring {
   double stiffness = 0.0, known_depth = 1.0;  // N/m, m
   bool has_memory = false;
   double returnable = 0.0;
+  double stored = 0.0;  // besides the spring's energy, J; see StoringContact
 
   [[nodiscard]] bool empty() const { return stiffness == 0.0; }
 };
@@ -54,6 +55,15 @@ struct SpringContact {
   }
   void start_from(const Spring& /*model*/, const SpringContact& /*other*/) {}
   [[nodiscard]] const palpate::deformable::MultiTipResult& last() const { return result; }
+};
+
+/// The same with more energy. Its force is that of the state, which a stiffened model keeps.
+struct StoringContact : SpringContact {
+  const palpate::deformable::MultiTipResult& solve(const Spring& model, const palpate::deformable::TipPair& tips, double scale) {
+    SpringContact::solve(model, tips, 1.0);
+    result.energy = result.nodes > 0 ? scale * result.energy + model.stored : 0.0;
+    return result;
+  }
 };
 
 // Law: forces that were not found neither supply energy nor fill the tank, in the old model or in the new one.
@@ -86,6 +96,50 @@ TEST(PassiveModelSwitch, ForcesThatWereNotFoundSupplyNoEnergy) {
       EXPECT_LE(largest, 0.26);  // 130 N/m at the largest depth
       EXPECT_EQ(not_found > 0, first + second < 2.0);
     }
+}
+
+// Law: where each model needs more energy than the one before, a tip that moves along the surface supplies it, against a resistance of at
+// most a tenth of its force: work = potential + tank. The forces follow the models. Without a motion, or with a fast one, the forces stay
+// behind, and count as not found from some time on.
+TEST(PassiveModelSwitch, AMovingTipSuppliesTheModelsAndAStillOneWaits) {
+  for (const double step : {5e-6, 0.0, 4e-4}) {  // m per tick
+    palpate::deformable::BasicPassiveModelSwitch<StoringContact> servo;
+    decltype(servo)::ModelBuffer models;
+    palpate::deformable::TipPair tips;
+    tips.count = 1;
+    tips.tip[0].radius = 6e-3;
+    double work = 0.0, most = 0.0, stiffness = 100.0, stored = 0.0;
+    palpate::math::Vector3<> force = palpate::math::Vector3<>::Zero();
+    bool solved = true;
+    for (int k = 0; k < 3000; ++k) {
+      if (k % 20 == 0) {
+        models.write_slot() = {.stiffness = stiffness, .stored = stored};
+        models.publish();
+        if (k >= 500) {
+          stiffness *= 1.004;
+          stored += 4e-7;
+        }
+      }
+      const palpate::math::Vector3<> move = k < 250 ? palpate::math::Vector3<>(0.0, 0.0, -4e-6) : palpate::math::Vector3<>(step, 0.0, 0.0);
+      tips.tip[0].center += move;
+      const auto& result = servo.step(models, tips);
+      work -= force.dot(move);
+      force = result.tip[0].force;
+      if (k < 250) work = result.energy + servo.tank().level;
+      ASSERT_LE(std::hypot(force.x(), force.y()), 0.1001 * force.z());
+      ASSERT_LE(force.x(), 0.0);
+      most = std::max(most, -force.x());
+      ASSERT_NEAR(work, result.energy + servo.tank().level, 0.02 * work) << step << ' ' << k;
+      solved = result.solved;
+    }
+    const double newest = 1e-3 * stiffness;
+    EXPECT_EQ(solved, step == 5e-6);
+    EXPECT_EQ(most > 0.0, step == 5e-6);
+    if (step == 5e-6)
+      EXPECT_NEAR(force.z(), newest, 0.03 * newest);
+    else
+      EXPECT_LT(force.z(), 0.9 * newest);
+  }
 }
 
 // Law: round tips press the layer by its modulus for round tips, in the updates and in the ticks, and flat ends by that for flat ends.

@@ -351,7 +351,7 @@ def test_a_body_that_collapses_gives_bounded_forces_no_energy_and_comes_back() -
     path = np.array([centre(0.02, 0.02, depth) for depth in np.concatenate(way)])
     rows = body.core.simulate_path(path[:, None], np.tile(UP, (len(path), 1, 1)), np.array([RADIUS]), False, 20)
     force, lost = rows[:, 2], np.flatnonzero(rows[:, 9] == 0.0)
-    assert np.all(np.diff(lost) == 1)
+    assert np.all(np.diff(lost[lost < 1400]) == 1)  # until the tip goes out again
     assert 0.008 < np.concatenate(way)[lost[0]] < 0.013
     assert force.max() < 1.6 * force[lost[0]]  # a linear model: the tip goes in by 60 % more
     work = np.append(0.0, np.cumsum(-0.5 * (force[1:] + force[:-1]) * np.diff(path[:, 2])))

@@ -39,6 +39,7 @@ OVERLAPS_FIXED: Final = (
     "overlaps a fixed or held part of the surface, which does not push back, so its force is too small: press a radius "
     "away from it"
 )
+_FEW: Final = 4  # nodes in contact from which on they do not cause a warning by themselves
 _SIDEWAYS: Final = 0.5  # cosine between the force on a tip and the normal of a press below which it points sideways
 _INVERTED: Final = (
     "the tip inverts tetrahedra of the body, which its springs do not prevent: use a smaller depth or a larger tip, or "
@@ -157,11 +158,13 @@ class IndentableBody(CondensedBody):
         problem = ""
         if self.is_thin_under(point, radius, depth):
             problem = f"the body is thin under the tip, less than 1.8 times {contact}"
-        elif self.is_shallow_under(point, radius, depth):
+        elif not self.is_shallow_under(point, radius, depth):
+            return force_error(nodes, signed_distance=by_distance)
+        elif nodes >= _FEW:  # fewer cause a warning of their own
             problem = f"{contact} is less than 0.38 times the distance of the nodes (press deeper, or use a finer mesh)"
-        if problem and nodes > 0:
+        if problem:
             warnings.warn(f"depth: {problem}: the error of its force is not known", BodyWarning, stacklevel=3)
-        return None if problem else force_error(nodes, signed_distance=by_distance)
+        return None
 
     def _static_body(self) -> Self | None:
         """Return the body without inertia, creep, friction and changes of supports, or None if it has none of them.
@@ -505,7 +508,7 @@ def check_resolved(force: Array, normal: Array, count: int, error: float | None,
             BodyWarning,
             stacklevel=3,
         )
-    elif count < 4:
+    elif count < _FEW:
         warnings.warn(
             f"only {count} of the body's nodes {'is' if count == 1 else 'are'} in contact, too few for an accurate "
             f"force{'' if error is None else f' (error up to {100 * error:.0f} %)'}: use a finer mesh, a larger tip "

@@ -292,10 +292,10 @@ class LocalModelContact {
   const TipPair* tips_ = nullptr;
   long version_ = -1;
   double scale_ = 1.0;
-  double total_force_ = 0.0;                          // of the last evaluation: sum of |F|, N
-  double total_stiffness_ = 0.0;                      // of the call's evaluations: largest sum of the diagonal of H, N/m
-  double last_way_ = 0.0;                             // square of the tips' way from the call before to the last, m^2
-  long factored_version_ = -1;                        // state of the factor
+  double total_force_ = 0.0;      // of the last evaluation: sum of |F|, N
+  double total_stiffness_ = 0.0;  // of the call's evaluations: largest sum of the diagonal of H, N/m
+  double last_way_ = 0.0;         // square of the tips' way from the call before to the last, m^2
+  long factored_version_ = -1;    // state of the factor
   double factored_scale_ = 1.0;
   std::array<Vector3<>, TipPair::max_tips> last_move_{Vector3<>::Zero(), Vector3<>::Zero()};  // to the last call, m
   TipPair last_tips_;

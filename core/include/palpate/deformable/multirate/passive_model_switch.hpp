@@ -33,8 +33,8 @@ struct NodePush {
 /// relaxation this is the energy of the swing or of the overstress, and it bounds what the body returns to a tip.
 ///
 /// The forces of a model lag behind the tips: where the surface turns under a tip, they push it along, and each new model needs more
-/// energy. Where the tank cannot supply it, the tips do: a resistance to their motion, at most a tenth of their forces, fills the tank
-/// (resist). If forces even so differ from those of the newest model for long, they count as not found (check_supply).
+/// energy. Where the tank cannot supply it, the forces of an earlier model remain. Forces that differ for long from those of the newest
+/// model count as not found (check_supply).
 ///
 /// Forces that were not found have an energy without meaning. They fill no tank, and are scaled down so that the tips could have supplied
 /// the energy.
@@ -62,8 +62,6 @@ class BasicPassiveModelSwitch {
   const MultiTipResult& step(ModelBuffer& models, const TipPair& tips) noexcept {
     const double supplied = work_to(tips);
     const EnergyTank before = tank_;
-    missing_ = 0.0;
-    take_resistance(tips);
     if (!is_waiting_) ++ticks_since_model_;
     is_waiting_ = models.has_new();
     if (is_waiting_ && (tank_.blend >= 1.0 || tank_.empty)) accept_model(models, tips);
@@ -77,9 +75,7 @@ class BasicPassiveModelSwitch {
     force_scale_ = 1.0;
     if (!result_.solved) limit(tips, before.potential + before.level - tank_.level + 0.5 * supplied);
     tank_.potential = result_.energy;
-    const bool may_resist = result_.solved && !current_model(models).has_memory;
     check_supply();
-    resist(tips, may_resist);
     last_tips_ = tips;
     if (result_.nodes == 0)
       leave(current_model(models));
@@ -178,42 +174,11 @@ class BasicPassiveModelSwitch {
       total += newest.norm();
     }
     is_refused_ = is_refused_ && tank_.empty;
-    starved_ticks_ = tank_.empty && apart > starved_difference * total ? starved_ticks_ + 1 : 0;
-    if (starved_ticks_ <= starved_blends * blend_ticks_ + starved_ticks) return;
+    const int most = starved_blends * blend_ticks_ + starved_ticks, change = tank_.empty && apart > starved_difference * total ? 1 : -1;
+    starved_ticks_ = result_.nodes == 0 ? 0 : std::clamp(starved_ticks_ + change, 0, most + 1);
+    if (starved_ticks_ <= most) return;
     result_.solved = false;
     for (ContactResult& tip : result_.tip) tip.solved = false;
-  }
-
-  /// Motion of a tip since the last tick, m.
-  [[nodiscard]] Vector3<> motion(const TipPair& tips, std::size_t t) const noexcept {
-    return t < static_cast<std::size_t>(std::min(tips.count, last_tips_.count)) ? Vector3<>(tips.tip[t].center - last_tips_.tip[t].center)
-                                                                                : Vector3<>(Vector3<>::Zero());
-  }
-
-  /// Fill the tank by the work of the tips against the resistance of the last tick.
-  void take_resistance(const TipPair& tips) noexcept {
-    for (std::size_t t = 0; t < resistance_.size(); ++t) tank_.level -= resistance_[t].dot(motion(tips, t));
-    tank_.level = std::max(tank_.level, 0.0);
-  }
-
-  /// Resist the tips' motion so that the rest of the blend takes the energy that the tank lacks from them. The motion is a mean over about
-  /// a blend. The resistance of a slow one is less: a tip that trembles at rest is not resisted. That of a fast one is less, too: it would
-  /// supply models that do not know the surface under the tip. A body with memory supplies models by itself.
-  void resist(const TipPair& tips, bool may_resist) noexcept {
-    double work = 0.0;  // of the forces on the way of a tick, if they were along it, J
-    for (std::size_t t = 0; t < way_.size(); ++t) {
-      way_[t] += (motion(tips, t) - way_[t]) / blend_ticks_;
-      work += result_.tip[t].force.norm() * way_[t].norm();
-    }
-    const double lacking = missing_ - tank_.level, ticks = std::max(blend_ticks_ * (1.0 - tank_.blend), 1.0);
-    const double part = may_resist && lacking > 0.0 && work > 0.0 ? std::min(lacking / (ticks * work), most_resistance) : 0.0;
-    for (std::size_t t = 0; t < way_.size(); ++t) {
-      resistance_[t].setZero();
-      if (part == 0.0 || !(way_[t].dot(motion(tips, t)) > 0.0)) continue;
-      const double way = way_[t].norm(), radius = tips.tip[t].radius, left = std::max(1.0 - blend_ticks_ * way / (fast * radius), 0.0);
-      resistance_[t] = -(part * left * result_.tip[t].force.norm() / std::max(way, slow * radius)) * way_[t];
-      result_.tip[t].force += resistance_[t];
-    }
   }
 
   /// Empty the tank down to the energy of the body. The first model after the contact may still be one of the body in contact.
@@ -269,7 +234,6 @@ class BasicPassiveModelSwitch {
     const double blended = (1.0 - s) * solve(models, previous_, tips).energy + s * now;
     const double gain = s * (fit_energy(models, spare_, tips, 1.0, blended + tank_.level) - now);
     is_refused_ = gain > tank_.level;
-    if (is_refused_) missing_ = gain;
     for (std::size_t t = 0; t < refused_force_.size(); ++t) refused_force_[t] = spare.contact.last().tip[t].force;
     if (is_refused_) return;
     if (gain > 0.0 || known) tank_.level -= gain;
@@ -293,7 +257,6 @@ class BasicPassiveModelSwitch {
     const double step = tank_.empty ? tank_.level / rise : more;
     if (rise > 0.0 || (a.solved && b.solved)) tank_.level = std::max(tank_.level - step * rise, 0.0);
     tank_.blend += step;
-    missing_ = std::max(missing_, (1.0 - tank_.blend) * rise);
     if (tank_.blend > 1.0 - 1e-9) tank_.blend = 1.0;
     const double s = tank_.blend;
     result_ = b;
@@ -316,9 +279,6 @@ class BasicPassiveModelSwitch {
   static constexpr double min_compliance_scale = 0.5;  // a model is stiffened by at most its inverse
   static constexpr double unlimited = 1e300;           // J
   static constexpr double round_off = 1e-12;           // of an energy
-  static constexpr double most_resistance = 0.1;       // of the tips' forces, see resist()
-  static constexpr double slow = 5e-4;                 // motion per tick over the radius of the tip, see resist()
-  static constexpr double fast = 0.5;                  // the same per blend
   static constexpr double starved_difference = 0.05;   // of the forces from those of the newest model, that counts; see check_supply()
   static constexpr int starved_blends = 5, starved_ticks = 50;  // for this many blends and ticks
 
@@ -326,12 +286,9 @@ class BasicPassiveModelSwitch {
   int previous_ = 0, current_ = 1, spare_ = 2;
   int ticks_since_model_ = 0;  // from the last model's acceptance to the arrival of the next: a late model delays the later ones only once
   bool is_refused_ = false;    // the tank could not supply the newest model
-  int starved_ticks_ = 0;      // consecutive ticks of different forces, see check_supply()
-  double missing_ = 0.0;       // energy that the rest of the blend, or the newest model, takes from the tank, J
-  std::array<Vector3<>, TipPair::max_tips> resistance_{Vector3<>::Zero(), Vector3<>::Zero()};  // of the last tick, N
-  std::array<Vector3<>, TipPair::max_tips> way_{Vector3<>::Zero(), Vector3<>::Zero()};         // mean motion of a tick, m
-  std::array<Vector3<>, TipPair::max_tips> refused_force_{Vector3<>::Zero(),
-                                                          Vector3<>::Zero()};  // on the tips by the newest model that was refused, N
+  int starved_ticks_ = 0;      // ticks of different forces, less the others since then, see check_supply()
+  // On the tips by the newest model that was refused, N.
+  std::array<Vector3<>, TipPair::max_tips> refused_force_{Vector3<>::Zero(), Vector3<>::Zero()};
   bool is_waiting_ = false;  // a model has arrived, but the last one is not fully blended in
   int blend_ticks_ = 1;      // duration of the blend
   int models_since_contact_ = 0;

@@ -39,7 +39,7 @@ OVERLAPS_FIXED: Final = (
     "overlaps a fixed or held part of the surface, which does not push back, so its force is too small: press a radius "
     "away from it"
 )
-_FEW: Final = 4  # nodes in contact from which on they do not cause a warning by themselves
+_FEW: Final = 4  # nodes in contact below which a press causes a warning
 _SIDEWAYS: Final = 0.5  # cosine between the force on a tip and the normal of a press below which it points sideways
 _INVERTED: Final = (
     "the tip inverts tetrahedra of the body, which its springs do not prevent: use a smaller depth or a larger tip, or "
@@ -154,15 +154,14 @@ class IndentableBody(CondensedBody):
             return None
         if not has_known_error(self.record) or not (by_distance or self.is_level(point, radius)):
             return None
-        contact = f"the contact radius of about {1e3 * float(np.sqrt(radius * depth)):.2g} mm"
-        problem = ""
-        if self.is_thin_under(point, radius, depth):
-            problem = f"the body is thin under the tip, less than 1.8 times {contact}"
-        elif not self.is_shallow_under(point, radius, depth):
+        thin, shallow = self.is_thin_under(point, radius, depth), self.is_shallow_under(point, radius, depth)
+        if not thin and not shallow:
             return force_error(nodes, signed_distance=by_distance)
-        elif nodes >= _FEW:  # fewer cause a warning of their own
-            problem = f"{contact} is less than 0.38 times the distance of the nodes (press deeper, or use a finer mesh)"
-        if problem:
+        contact = f"the contact radius of about {1e3 * float(np.sqrt(radius * depth)):.2g} mm"
+        problem = f"{contact} is less than 0.38 times the distance of the nodes (press deeper, or use a finer mesh)"
+        if thin:
+            problem = f"the body is thin under the tip, less than 1.8 times {contact}"
+        if thin or nodes >= _FEW:  # fewer cause a warning of their own
             warnings.warn(f"depth: {problem}: the error of its force is not known", BodyWarning, stacklevel=3)
         return None
 

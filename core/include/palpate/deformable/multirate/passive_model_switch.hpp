@@ -167,16 +167,16 @@ class BasicPassiveModelSwitch {
 
   /// Count the forces as not found if they have differed from those of the newest model for long, because the tank is empty.
   void check_supply() noexcept {
+    const MultiTipResult& newest = slots_[static_cast<std::size_t>(is_refused_ ? spare_ : current_)].contact.last();
     double apart = 0.0, total = 0.0;
     for (std::size_t t = 0; t < result_.tip.size(); ++t) {
-      const Vector3<>& newest = is_refused_ ? refused_force_[t] : current_contact().last().tip[t].force;
-      apart += (newest - result_.tip[t].force).norm();
-      total += newest.norm();
+      apart += (newest.tip[t].force - result_.tip[t].force).norm();
+      total += newest.tip[t].force.norm();
     }
     is_refused_ = is_refused_ && tank_.empty;
-    const int most = starved_blends * blend_ticks_ + starved_ticks, change = tank_.empty && apart > starved_difference * total ? 1 : -1;
-    starved_ticks_ = result_.nodes == 0 ? 0 : std::clamp(starved_ticks_ + change, 0, most + 1);
-    if (starved_ticks_ <= most) return;
+    const int most = tolerated_blends * blend_ticks_ + tolerated_ticks, change = tank_.empty && apart > tolerated_lag * total ? 1 : -1;
+    lagging_ticks_ = result_.nodes == 0 ? 0 : std::clamp(lagging_ticks_ + change, 0, most + 1);
+    if (lagging_ticks_ <= most) return;
     result_.solved = false;
     for (ContactResult& tip : result_.tip) tip.solved = false;
   }
@@ -213,7 +213,7 @@ class BasicPassiveModelSwitch {
   /// Accept a new model: blend it in from now on, or, if the tank is empty, let it replace the model being blended if the tank allows.
   void accept_model(ModelBuffer& models, const TipPair& tips) noexcept {
     ++models_since_contact_;
-    is_waiting_ = false;
+    is_waiting_ = is_refused_ = false;
     ModelSlot& spare = slots_[static_cast<std::size_t>(spare_)];
     if (tank_.blend >= 1.0) {
       std::swap(previous_, current_);
@@ -234,7 +234,6 @@ class BasicPassiveModelSwitch {
     const double blended = (1.0 - s) * solve(models, previous_, tips).energy + s * now;
     const double gain = s * (fit_energy(models, spare_, tips, 1.0, blended + tank_.level) - now);
     is_refused_ = gain > tank_.level;
-    for (std::size_t t = 0; t < refused_force_.size(); ++t) refused_force_[t] = spare.contact.last().tip[t].force;
     if (is_refused_) return;
     if (gain > 0.0 || known) tank_.level -= gain;
     std::swap(current_, spare_);
@@ -279,18 +278,17 @@ class BasicPassiveModelSwitch {
   static constexpr double min_compliance_scale = 0.5;  // a model is stiffened by at most its inverse
   static constexpr double unlimited = 1e300;           // J
   static constexpr double round_off = 1e-12;           // of an energy
-  static constexpr double starved_difference = 0.05;   // of the forces from those of the newest model, that counts; see check_supply()
-  static constexpr int starved_blends = 5, starved_ticks = 50;  // for this many blends and ticks
+  // Lag of the forces, see check_supply(): 5 % of those of the newest model, or more for up to so many blends and ticks.
+  static constexpr double tolerated_lag = 0.05;
+  static constexpr int tolerated_blends = 5, tolerated_ticks = 50;
 
   std::array<ModelSlot, 3> slots_{ModelSlot{0, 1.0, {}}, ModelSlot{1, 1.0, {}}, ModelSlot{2, 1.0, {}}};
   int previous_ = 0, current_ = 1, spare_ = 2;
   int ticks_since_model_ = 0;  // from the last model's acceptance to the arrival of the next: a late model delays the later ones only once
-  bool is_refused_ = false;    // the tank could not supply the newest model
-  int starved_ticks_ = 0;      // ticks of different forces, less the others since then, see check_supply()
-  // On the tips by the newest model that was refused, N.
-  std::array<Vector3<>, TipPair::max_tips> refused_force_{Vector3<>::Zero(), Vector3<>::Zero()};
-  bool is_waiting_ = false;  // a model has arrived, but the last one is not fully blended in
-  int blend_ticks_ = 1;      // duration of the blend
+  bool is_refused_ = false;    // the tank could not supply the newest model, which is the spare one
+  int lagging_ticks_ = 0;      // ticks of different forces, less the others since then, see check_supply()
+  bool is_waiting_ = false;    // a model has arrived, but the last one is not fully blended in
+  int blend_ticks_ = 1;        // duration of the blend
   int models_since_contact_ = 0;
   MultiTipResult result_;
   TipPair last_tips_;         // none before the first step

@@ -217,6 +217,29 @@ def test_a_sphere_within_a_sphere_is_a_cavity() -> None:
     assert surface.inside(np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]])).tolist() == [False, True]
 
 
+@pytest.mark.parametrize("inside_out", [False, True])
+def test_a_strut_across_a_cavity_given_inwards_is_solid(inside_out: bool) -> None:
+    """The orientation in the file tells the strut from a second cavity, also if the whole file is inside out."""
+    cavity, strut = trimesh.creation.icosphere(2, 0.02), trimesh.creation.box((0.06, 0.006, 0.006))
+    points = np.array([[0.0, 0.0, 0.0], [0.025, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.025, 0.0]])
+
+    def inside(*inverted: trimesh.Trimesh) -> tuple[list[bool], list[str]]:
+        parts = [part.copy() for part in (SPHERE, cavity, strut)]
+        for part, original in zip(parts, (SPHERE, cavity, strut), strict=True):
+            if (original in inverted) is not inside_out:
+                part.invert()
+        whole = trimesh.util.concatenate(parts)
+        surface = closed(whole.vertices, whole.faces)
+        return surface.inside(points).tolist(), surface.warnings
+
+    one = "1 cavity inside of a part; give an inclusion as a region"
+    two = "2 cavities inside of a part; give an inclusion as a region"
+    assert inside(cavity) == ([True, True, False, True], [one])
+    assert inside(cavity, strut) == ([False, False, False, True], [two])
+    unknown = "cavities cross each other: to make one a solid, orient the others inwards"
+    assert inside() == ([False, False, False, True], [unknown, two])
+
+
 def test_blocks_with_a_common_edge_are_two_shells() -> None:
     block = trimesh.creation.box((0.02, 0.02, 0.02))
     other = block.copy().apply_translation([0.02, 0.02, 0.0])

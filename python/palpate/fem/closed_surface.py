@@ -28,8 +28,9 @@ class ClosedSurface:
     """Triangles that enclose a volume, and the repairs that made them do so.
 
     Welds vertices closer than 1e-6 of the extent, drops triangles without area and repeated ones, orients the triangles
-    outwards, closes small holes, and makes a part inside of another one a cavity. Edges with more than two triangles
-    and intersecting parts remain: inside is a winding number above one half.
+    outwards, closes small holes, and makes a part inside of another one a cavity. If cavities are given inwards, a part
+    given outwards that crosses one is solid, such as a strut. Edges with more than two triangles and intersecting parts
+    remain: inside is a winding number above one half.
 
     Attributes:
         vertices: (n, 3), m, in the order of their coordinates.
@@ -50,7 +51,8 @@ class ClosedSurface:
             self.repairs.append(
                 _count(count - len(np.unique(faces)), "duplicate vertex", "welded", "duplicate vertices")
             )
-        faces, degenerate, duplicate, flipped = _core.repair_mesh(points, faces)
+        given = faces
+        faces, degenerate, duplicate, flipped = _core.repair_mesh(points, given)
         faces = np.asarray(faces, dtype=np.int64)
         for number, change in ((degenerate, "without area dropped"), (duplicate, "repeated and dropped")):
             if number:
@@ -58,7 +60,7 @@ class ClosedSurface:
         if len(faces) == 0:
             raise BodyError("the surface is empty: none of its triangles has an area")
         points, faces = self._close(points, faces)
-        self.vertices, self.triangles = points, self._orient(points, faces, int(flipped))
+        self.vertices, self.triangles = points, self._orient(points, faces, given, int(flipped))
         if self.volume <= 1e-9 * self.extent * self.area:
             raise BodyError("the surface encloses no volume: its triangles are flat, or inside and outside cancel")
         soup = np.ascontiguousarray(points[self.triangles].reshape(-1, 3))  # searched whatever its edges
@@ -104,8 +106,8 @@ class ClosedSurface:
             f"{100.0 * _LARGEST_HOLE:g} %, together {100.0 * _ALL_HOLES:g} %, are closed"
         )
 
-    def _orient(self, points: Array, faces: Indices, flipped: int) -> Indices:
-        """Orient parts outwards, and parts inside of others inwards."""
+    def _orient(self, points: Array, faces: Indices, given: Indices, flipped: int) -> Indices:
+        """Orient parts outwards, and cavities inwards."""
         part = parts_of(faces)
         faces = faces.copy()
         volume = part_volumes(points, faces, part)
@@ -113,7 +115,15 @@ class ClosedSurface:
         faces[inward] = faces[inward][:, ::-1]
         if flipped or inward.any():
             self.repairs.append(_count(max(flipped, int(inward.sum())), "triangle", "oriented outwards"))
-        cavity = _depths(points, faces, part) % 2 == 1
+        depth = _depths(points, faces, part)
+        cavity = depth % 2 == 1
+        crossing = _crossing(points, faces, part, np.flatnonzero(cavity))
+        if crossing.any():
+            solid = _given_outwards(points, given, faces, part, depth == 0)
+            if solid[cavity].all():
+                self.warnings.append("cavities cross each other: to make one a solid, orient the others inwards")
+            else:
+                cavity &= ~(crossing & solid)
         if cavity.any():
             faces[cavity[part]] = faces[cavity[part]][:, ::-1]
             self.warnings.append(
@@ -310,6 +320,28 @@ def _depths(points: Array, faces: Indices, part: Indices) -> Indices:
             for k in np.flatnonzero(within):
                 level[k] += bool((winding(own[k][:: max(1, len(own[k]) // 30)]) > 0.5).all())
     return level
+
+
+def _crossing(points: Array, faces: Indices, part: Indices, chosen: Indices) -> Flags:
+    """Return whether each part (p,), of the `chosen`, crosses another one of these."""
+    result = np.zeros(int(part.max()) + 1, dtype=bool)
+    own = [faces[part == k] for k in chosen]
+    low, high = (np.array([end(points[one].reshape(-1, 3), axis=0) for one in own]) for end in (np.min, np.max))
+    for i in range(len(chosen)):
+        for j in i + 1 + np.flatnonzero(((low[i + 1 :] <= high[i]) & (high[i + 1 :] >= low[i])).all(axis=1)):
+            both = _core.TriangleMesh(points, np.concatenate([own[i], own[j]]), True)
+            if both.self_intersections()[0] > 0:
+                result[chosen[i]] = result[chosen[j]] = True
+    return result
+
+
+def _given_outwards(points: Array, given: Indices, faces: Indices, part: Indices, outer: Flags) -> Flags:
+    """Return whether each part (p,) had the orientation of the `outer` parts (p,) in the triangles as given."""
+    owner = np.full(len(points), -1)
+    owner[faces] = part[:, None]
+    kept = given[owner[given[:, 0]] >= 0]
+    volume = part_volumes(points, kept, owner[kept[:, 0]])
+    return np.asarray(volume * volume[outer].sum() > 0.0)
 
 
 def _count(number: int, thing: str, change: str, plural: str | None = None) -> str:

@@ -329,8 +329,9 @@ UNKNOWN = "; the error of that force by the mesh is not known"
             f"{BEGINS} (largest force 0.75 N), rests in contact at the end{UNKNOWN}; the contact force was not "
             "found in 5 "
             "samples: too many nodes lie near the tip, it inverts tetrahedra of the body or moves too far between "
-            "the updates of its model, or the contact has not converged: use a smaller force or tip, a coarser "
-            "mesh, or a shorter interval between updates; in 6 samples the tip is in the body without contact",
+            "the updates of its model, or the contact has not converged: use a smaller force, depth or tip, a coarser "
+            "mesh, smaller steps, or a shorter interval between updates; in 6 samples the tip is in the body without "
+            "contact",
         ),
         (
             {"contact_lost": 1},

@@ -20,7 +20,7 @@ def unfound(samples: str, cause: str | None = None) -> str:
     """Return the sentence that the force was not found in `samples`; None: of all causes of any body."""
     causes = (
         "too many nodes lie near the tip, it inverts tetrahedra of the body or moves too far between the updates of "
-        "its model, or the contact has not converged: use a smaller force or tip, a coarser mesh, or a shorter "
-        "interval between updates"
+        "its model, or the contact has not converged: use a smaller force, depth or tip, a coarser mesh, smaller "
+        "steps, or a shorter interval between updates"
     )
     return f"{UNFOUND} in {samples}: {cause or causes}"

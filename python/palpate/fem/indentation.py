@@ -13,7 +13,7 @@ from palpate import _core
 from palpate.arrays import Array, Flags, Indices
 from palpate.checks import MAX_TIPS
 from palpate.contact.simplices import volumes
-from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded
+from palpate.contact.unfound import MOST_NODES, MOST_PLACES, crowded, unfound
 from palpate.errors import PoseError
 from palpate.fem.checks import (
     TipShape,
@@ -555,11 +555,7 @@ def not_found(found: Flags) -> str:
     missing = int(np.count_nonzero(~found))
     if missing == 0:
         return ""
-    return (
-        f"path: the contact forces of {missing} of {len(found)} ticks were not found: more than {MOST_NODES} "
-        "nodes lie under the tip, it inverts tetrahedra of the body, or it moves too far between two model "
-        "updates: use a smaller depth or tip, a coarser mesh, smaller steps, or a shorter interval between updates"
-    )
+    return f"path: {unfound(f'{missing} of {len(found)} ticks')}"
 
 
 def check_found(found: Flags) -> None:

@@ -161,3 +161,27 @@ def test_two_tips_that_pinch_the_beam_return_no_more_than_their_work(beam: Body,
         felt = kind_of(beam, "elastic", friction).simulate_tips(np.stack(tips, axis=1), [RADIUS, RADIUS])
         assert felt[0].energy.max() > 2e-5
         assert largest_fall(felt, tips) < 0.05 * felt[0].energy.max()
+
+
+@pytest.mark.parametrize("body", ["beam", "relaxing block"])
+def test_no_node_is_in_contact_twice_and_a_path_repeats_its_forces(beam: Body, body: str) -> None:
+    """A node that a look at the bent body had listed was listed again: its layer counted twice, and a force 6 % too
+    large stayed."""
+    if body == "beam":
+        touched, low, high, top = beam.signed_distance(), [0.02, 0.004], [0.05, 0.008], HEIGHT
+    else:
+        relaxing = {"instantaneous_ratio": 5.0, "retardation_time": "50 ms", "contact": "signed_distance"}
+        block_ = fem.build(block((0.06, 0.06, 0.025), 5e-3), young=20e3, fixed="z <= 0 mm", touch="z >= 25 mm")
+        touched, low, high, top = block_.viscoelastic(PERIOD, **relaxing), [0.02, 0.02], [0.04, 0.04], 0.025
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        radius = rng.uniform(4e-3, 8e-3)
+        depth = rng.uniform(0.15, 0.4) * radius
+        end = np.array([*rng.uniform(low, high), top + radius - depth])
+        slide = np.linspace(1.0, 0.0, 100)[:, None] * np.append(rng.uniform(-5e-3, 5e-3, 2), 0.0)
+        down = slide[0] + np.linspace(depth + 1e-3, 0.0, 100)[:, None] * [0.0, 0.0, 1.0]
+        path = end + np.vstack([down, slide, np.zeros((50, 3))])
+        first = touched.simulate_path(path, radius, outward=(0, 0, 1)).force
+        nodes = touched.core.contact_forces()[0]
+        assert len(np.unique(nodes)) == len(nodes)
+        assert np.array_equal(touched.simulate_path(path, radius, outward=(0, 0, 1)).force, first)

@@ -84,7 +84,8 @@ class SignedDistanceBody : public DeformableObject {
     }
 
    private:
-    /// See `bends`. Of the compliance across the normal `sideways` squared counts (FullCompliance).
+    /// See `bends`. Of the compliance across the normal `sideways` squared counts (FullCompliance). The layer's stiffness is the long-term
+    /// one, as the compliance.
     [[nodiscard]] bool yields_at_some_node(const float* full) const {
       const std::size_t row = 3 * static_cast<std::size_t>(nodes.size());
       for (std::int32_t i = 0; i < nodes.size(); ++i) {
@@ -94,8 +95,8 @@ class SignedDistanceBody : public DeformableObject {
           for (std::size_t b = 0; b < 3; ++b)
             own(static_cast<int>(a), static_cast<int>(b)) = static_cast<double>(full[(first + a) * row + first + b]);
         const double along = nodes.normal(i).dot(own * nodes.normal(i));
-        if (deformable::NearNodes::is_flexible(along + sideways * sideways * (own.trace() - along), patches.round.stiffness(i)))
-          return true;
+        const double layer = patches.creep.period_ratio * patches.round.stiffness(i);
+        if (deformable::NearNodes::is_flexible(along + sideways * sideways * (own.trace() - along), layer)) return true;
       }
       return false;
     }

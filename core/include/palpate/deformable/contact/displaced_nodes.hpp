@@ -39,7 +39,10 @@ class DisplacedNodes {
     for (std::int32_t i = 0; i < before.size(); ++i)
       if (const std::int32_t node = node_after(i); node >= 0) displacement_[at(node)] = before.displacement_[at(i)];
   }
-  void reset() noexcept { std::fill(displacement_.begin(), displacement_.end(), Vector3<float>::Zero()); }
+  void reset() noexcept {
+    std::fill(displacement_.begin(), displacement_.end(), Vector3<float>::Zero());
+    last_ = -1;
+  }
 
  private:
   [[nodiscard]] static std::size_t at(std::int32_t i) noexcept { return static_cast<std::size_t>(i); }

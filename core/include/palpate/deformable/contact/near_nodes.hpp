@@ -181,7 +181,7 @@ class NearNodes {
         all_known = nearest.gap > 0.0;
         break;
       }
-      enter(nearest.node, nearest.tip);
+      if (place_of(nearest.node, nearest.tip) < 0) enter(nearest.node, nearest.tip);  // unless look_on() has listed it
       nearest = pending_[at(--pending_count_)];
       renewed = true;
     }

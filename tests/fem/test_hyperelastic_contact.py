@@ -169,3 +169,52 @@ def test_a_tip_that_slides_over_a_beam_feels_all_of_its_friction() -> None:
         felt = beam.hyperelastic("1 ms", update_interval=update, static_friction=0.4).simulate_path(path, 6e-3)
         friction, normal = (np.linalg.norm(f, axis=1)[-500:] for f in (felt.friction, felt.force - felt.friction))
         assert np.abs(friction / normal / 0.4 - 1.0).max() < 0.12
+
+
+def without(cells: Volume, cut: NDArray[np.bool_]) -> Volume:
+    """Return a volume without some of its tetrahedra."""
+    used, number = np.unique(cells.tetrahedra[~cut], return_inverse=True)
+    return Volume(cells.points[used], number.reshape(-1, 4), "cut")
+
+
+@pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
+def test_a_wall_beside_a_sphere_is_not_touched(law: Law) -> None:
+    """The cone above a sphere contains the upper part of a wall 1 mm beside it, which pushed the sphere away."""
+    whole = block((0.04, 0.024, 0.028), 4e-3)
+    center = whole.points[whole.tetrahedra].mean(axis=1)
+    step = without(whole, (center[:, 0] < 0.024) & (center[:, 2] > 0.012))
+    for radius in (4e-3, 6e-3):
+        point = (0.024 - radius - 1e-3, 0.012, 0.012)
+        force, wall = [], []
+        for touch in (None, "box -1 -1 11.9 to 24.1 25 12.1 mm"):
+            body = build(step, young=10e3, fixed="z <= 0 mm", touch=touch).hyperelastic("1 ms", law=law)
+            found = body.indent(point, radius, 1.5e-3)
+            force.append(found.force)
+            wall.append(np.abs(found.displacement[body.nodes[:, 2] > 0.02]).max(initial=0.0))
+        assert force[0] == pytest.approx(force[1], abs=1e-6)
+        assert 0.0 < wall[0] < 0.2e-3
+
+
+def test_a_sphere_presses_a_cavity_from_inside_as_if_its_other_walls_could_not_be_touched() -> None:
+    """Its cone contains the opposite wall, and was refused for inverted tetrahedra."""
+    whole = block((0.04, 0.04, 0.04), 4e-3)
+    center = whole.points[whole.tetrahedra].mean(axis=1) - 0.02
+    hollow = without(whole, (np.abs(center) < 0.012).all(axis=1))
+    force = []
+    for touch in ("box 7 7 7 to 33 33 33 mm", "box 7 7 31.9 to 33 33 32.1 mm"):
+        body = build(hollow, young=10e3, fixed="z <= 0 mm", touch=touch).hyperelastic("1 ms")
+        force.append(body.indent((0.021, 0.019, 0.032), 5e-3, 1.5e-3).force)
+    assert force[1][2] < -0.02
+    assert force[0] == pytest.approx(force[1], abs=1e-6)
+
+
+def test_the_rim_of_a_deep_dent_stays_under_the_cone() -> None:
+    """A sphere 1.8 radii deep: no vertex of the surface lies in the shaft above it."""
+    body = build(block((0.04, 0.04, 0.03), 4e-3), young=10e3, fixed="z <= 0 mm", touch="z >= 30 mm", poisson=0.4)
+    solid = body.hyperelastic("1 ms")
+    radius, point = 5e-3, np.array([0.021, 0.019, 0.03])
+    found = solid.indent(point, radius, 1.8 * radius)
+    place = solid.nodes + found.displacement - (point + (radius - 1.8 * radius) * UP)
+    aside = np.linalg.norm(place[:, :2], axis=1)
+    assert (place[:, 2] > 0.0).sum() > 20
+    assert aside[place[:, 2] > 0.0].min() > 0.8 * radius

@@ -19,7 +19,10 @@ struct LayerPoint {
   Scalar stiffness;  ///< E* times the area of the point, over b, N/m
   Scalar radius;     ///< b, m
   Scalar inverse;    ///< 1 / (scale b), 1/m
+  /// 0 where the cone of a sphere presses the point too (Tip::continued), no_cone elsewhere.
+  Scalar cone = Scalar(0.0);
 };
+constexpr double no_cone = 1e30;  ///< above all heights, m
 
 /// Constants of the layer, fitted to presses of cylinders and blocks of tetrahedra. The layer also replaces the curvature of a sphere that
 /// flat facets miss; small facets miss less.
@@ -89,11 +92,13 @@ template <class Scalar>
 }
 
 /// Depth of a point in a sphere that its tangent cone at 78 degrees continues along `outward`: points above the center are pressed outward
-/// and in, never through the sphere. The cone widens without end and would contain a surface that is higher than the tip: a tip has a cone
-/// only while its sphere contains a point of the surface (Tip::continued). `y` is relative to the center.
+/// and in, never through the sphere. The cone widens without end and would contain walls beside the tip and a surface that is higher: it
+/// presses only what is connected to the points in the sphere (SurfaceContact::update_cones). `y` is relative to the center, `cone` as
+/// in LayerPoint.
 template <class Scalar>
 [[nodiscard, gnu::always_inline]] inline TipGeometry::Depth<Scalar> depth_in_sphere(const Tip& tip, const Vector3<Scalar>& y,
-                                                                                    const Vector3<Scalar>& normal) noexcept {
+                                                                                    const Vector3<Scalar>& normal,
+                                                                                    const Scalar& cone = Scalar(0.0)) noexcept {
   using detail::dot, std::sqrt;
   constexpr double cosine = detail::cone_cosine, sine = 0.9797958971132712;
   const Vector3<Scalar> axis = detail::spread<Scalar>(tip.outward);
@@ -102,16 +107,16 @@ template <class Scalar>
   const Vector3<Scalar> away = y * inverse;
   TipGeometry::Depth<Scalar> round{Scalar(tip.radius) - distance, away, (normal - dot(away, normal) * away) * inverse};
   if (!tip.continued) return round;
-  const auto in_cone = height > Scalar(-cosine) * distance;
+  const auto in_cone = height > cone - Scalar(cosine) * distance;
   if (!any(in_cone)) return round;
   const Vector3<Scalar> aside = y - height * axis;
   const Scalar off_axis = max_of(sqrt(dot(aside, aside)), least), over = Scalar(1.0) / off_axis;
   const Vector3<Scalar> radial = aside * over;
   const Vector3<Scalar> across = normal - dot(normal, radial) * radial - dot(normal, axis) * axis;
-  const TipGeometry::Depth<Scalar> cone{Scalar(tip.radius) - Scalar(sine) * off_axis + Scalar(cosine) * height,
-                                        Scalar(sine) * radial - Scalar(cosine) * axis, (Scalar(sine) * over) * across};
-  return {select(in_cone, cone.depth, round.depth), select_each(in_cone, cone.away, round.away),
-          select_each(in_cone, cone.bend, round.bend)};
+  const TipGeometry::Depth<Scalar> above{Scalar(tip.radius) - Scalar(sine) * off_axis + Scalar(cosine) * height,
+                                         Scalar(sine) * radial - Scalar(cosine) * axis, (Scalar(sine) * over) * across};
+  return {select(in_cone, above.depth, round.depth), select_each(in_cone, above.away, round.away),
+          select_each(in_cone, above.bend, round.bend)};
 }
 
 /// beta of the layer under a tip.
@@ -126,9 +131,9 @@ template <class Scalar>
 /// Depth of a point in a tip; `y` is relative to the center and `radius` is b, m.
 template <class Scalar>
 [[nodiscard, gnu::always_inline]] inline TipGeometry::Depth<Scalar> depth_in_tip(const Tip& tip, const Vector3<Scalar>& y,
-                                                                                 const Vector3<Scalar>& normal,
-                                                                                 const Scalar& radius) noexcept {
-  if (tip.kind == Tip::Kind::sphere) return depth_in_sphere<Scalar>(tip, y, normal);
+                                                                                 const Vector3<Scalar>& normal, const Scalar& radius,
+                                                                                 const Scalar& cone = Scalar(0.0)) noexcept {
+  if (tip.kind == Tip::Kind::sphere) return depth_in_sphere<Scalar>(tip, y, normal, cone);
   const Scalar flare = min_of(Scalar(LayerConstants::flare) * radius, Scalar(tip.radius));
   return TipGeometry::in_cylinder<Scalar>(y, normal, tip.outward, Scalar(tip.radius), flare);
 }
@@ -141,7 +146,7 @@ template <class Scalar>
                                                                           const Vector3<Scalar>& normal,
                                                                           const LayerPoint<Scalar>& layer) noexcept {
   const Scalar zero(0.0), one(1.0);
-  const auto in = depth_in_tip<Scalar>(tip, y, normal, layer.radius);
+  const auto in = depth_in_tip<Scalar>(tip, y, normal, layer.radius, layer.cone);
   const Scalar x = min_of(max_of(one - Scalar(2.0) * detail::dot(in.away, normal), zero), one), weight = x * x * (Scalar(3.0) - (x + x));
   const Scalar depth = max_of(in.depth, zero), k = layer.stiffness / layer_beta<Scalar>(tip, layer.radius);
   const Scalar over = depth * layer.inverse, part = over * over;

@@ -20,7 +20,7 @@ struct Tip {
   double radius = 5e-3;                    ///< m
   Vector3<> center = Vector3<>::Zero();    ///< of the sphere or of the flat end, m
   Vector3<> outward = Vector3<>::UnitZ();  ///< unit vector out of the body; the rod's axis
-  bool continued = true;                   ///< whether a cone continues the sphere along `outward`, see depth_in_sphere()
+  bool continued = true;                   ///< whether a cone may continue the sphere along `outward`, see depth_in_sphere()
 };
 
 /// Contact nodes of a body's surface in the undeformed state, in a uniform grid. The cost of a query does not grow with the body.

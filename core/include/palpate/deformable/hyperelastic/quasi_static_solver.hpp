@@ -119,7 +119,7 @@ class QuasiStaticSolver {
   /// Take one step with the tips at their present positions. Write the next local model to `to`.
   Report step(const TipPair& tips, LocalModel& to) {
     Report report;
-    tips_contact_.update_continued(tips, model_.displacement());
+    tips_contact_.update_cones(tips, model_.displacement());
     tips_contact_.set_tips(tips);
     if (is_dynamic())
       advance(tips, report);
@@ -460,6 +460,7 @@ class QuasiStaticSolver {
       const std::int32_t f = by_distance_[k].second;
       triangles_[k] = {};
       triangles_[k].normal = tips_contact_.normal(f);
+      triangles_[k].cones = tips_contact_.cones(f);
       for (std::size_t c = 0; c < 3; ++c) {
         const std::int32_t v = surface_.triangles[at(f)][c];
         LocalTriangles::Corner& corner = triangles_[k].corner[c];

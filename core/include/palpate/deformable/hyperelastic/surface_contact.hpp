@@ -29,6 +29,12 @@ class SurfaceContact {
     for (const LayeredSurface::Triangle& triangle : surface.triangles())
       for (std::int32_t& v : triangles_.emplace_back(triangle).vertex) v = node_of[at(v)];
     normals_.resize(triangles_.size());
+    cones_.resize(triangles_.size());
+    in_tips_.resize(triangles_.size());
+    front_.reserve(triangles_.size());
+    around_.resize(points.size());
+    for (std::size_t f = 0; f < triangles_.size(); ++f)
+      for (const std::int32_t v : triangles_[f].vertex) around_[at(v)].push_back(f);
   }
 
   /// Evaluate the surface normals at a displacement. They stay until the next call.
@@ -45,20 +51,34 @@ class SurfaceContact {
     tips_ = tips;
     for (std::size_t t = 0; t < TipPair::max_tips; ++t) tips_.tip[t].continued = continued_[t];
   }
-  /// Whether a cone continues each sphere, see Tip.
+  /// Whether a cone continues each sphere anywhere, see Tip.
   [[nodiscard]] const std::array<bool, TipPair::max_tips>& continued() const noexcept { return continued_; }
-  /// Continue, from the next set_tips() on, the spheres of `tips` that contain a point of the surface at a displacement.
-  void update_continued(const TipPair& tips, const double* displacement) noexcept {
+  /// Bit t: the cone of tip t presses a triangle.
+  [[nodiscard]] std::uint8_t cones(std::int32_t triangle) const noexcept { return cones_[at(triangle)]; }
+  /// Continue the spheres of `tips`, from the next set_tips() on, where the surface at a displacement is in sphere or cone and connected,
+  /// through triangles that are so too, to one with a point in the sphere; also at their neighbors, which may follow until the next call.
+  void update_cones(const TipPair& tips, const double* displacement) noexcept {
     continued_.fill(false);
-    for (const LayeredSurface::Triangle& triangle : triangles_) {
-      std::array<Vector3<>, 3> corner;
-      for (std::size_t c = 0; c < 3; ++c) corner[c] = position(triangle.vertex[c], displacement);
-      for (std::size_t t = 0; t < at(tips.count); ++t) continued_[t] = continued_[t] || contains_point(tips.tip[t], triangle, corner);
+    std::fill(cones_.begin(), cones_.end(), std::uint8_t{0});
+    for (std::size_t t = 0; t < at(tips.count); ++t) {
+      if (tips.tip[t].kind != Tip::Kind::sphere) continue;
+      find_in_tip(tips.tip[t], displacement);
+      const auto bit = static_cast<std::uint8_t>(1U << t);
+      front_.clear();
+      for (std::size_t f = 0; f < triangles_.size(); ++f)
+        if (in_tips_[f] == Reach::sphere) mark(f, bit);
+      continued_[t] = !front_.empty();
+      for (std::size_t k = 0; k < front_.size(); ++k)
+        for_each_neighbor(front_[k], [&](std::size_t f) {
+          if (in_tips_[f] != Reach::none && (cones_[f] & bit) == 0) mark(f, bit);
+        });
+      for (const std::size_t marked : front_) for_each_neighbor(marked, [&](std::size_t f) { cones_[f] |= bit; });
     }
   }
   /// Return to tips that press nothing.
   void reset() noexcept {
     continued_.fill(false);
+    std::fill(cones_.begin(), cones_.end(), std::uint8_t{0});
     tips_ = {};
   }
 
@@ -145,18 +165,37 @@ class SurfaceContact {
     return rest_[at(node)] + Eigen::Map<const Vector3<>>(displacement + 3 * at(node));
   }
 
-  /// Whether a sphere contains a point of a triangle.
-  [[nodiscard]] static bool contains_point(const Tip& tip, const LayeredSurface::Triangle& triangle,
-                                           const std::array<Vector3<>, 3>& corner) noexcept {
-    const double square = tip.radius * tip.radius;
-    for (std::size_t c = 0; c < 3; ++c) {
-      if (!triangle.corner[c].exists()) continue;
-      for (const CornerPoint& q : corner_points) {
-        const Vector3<> x = q.own * corner[c] + q.next * corner[(c + 1) % 3] + q.last * corner[(c + 2) % 3];
-        if ((x - tip.center).squaredNorm() < square) return true;
+  enum class Reach : std::uint8_t { none, cone, sphere };
+
+  /// Find which triangles have a point in a sphere or its cone.
+  void find_in_tip(const Tip& sphere, const double* displacement) noexcept {
+    Tip tip = sphere;
+    tip.continued = true;
+    for (std::size_t f = 0; f < triangles_.size(); ++f) {
+      const LayeredSurface::Triangle& triangle = triangles_[f];
+      std::array<Vector3<>, 3> corner;
+      for (std::size_t c = 0; c < 3; ++c) corner[c] = position(triangle.vertex[c], displacement) - tip.center;
+      in_tips_[f] = Reach::none;
+      for (std::size_t c = 0; c < 3; ++c) {
+        if (!triangle.corner[c].exists()) continue;
+        for (const CornerPoint& q : corner_points) {
+          const Vector3<> y = q.own * corner[c] + q.next * corner[(c + 1) % 3] + q.last * corner[(c + 2) % 3];
+          if (y.squaredNorm() < tip.radius * tip.radius)
+            in_tips_[f] = Reach::sphere;
+          else if (in_tips_[f] == Reach::none && depth_in_sphere<double>(tip, y, y).depth > 0.0)
+            in_tips_[f] = Reach::cone;
+        }
       }
     }
-    return false;
+  }
+  template <class Visit>
+  void for_each_neighbor(std::size_t triangle, Visit visit) const noexcept {
+    for (const std::int32_t v : triangles_[triangle].vertex)
+      for (const std::size_t f : around_[at(v)]) visit(f);
+  }
+  void mark(std::size_t triangle, std::uint8_t bit) noexcept {
+    cones_[triangle] |= bit;
+    front_.push_back(triangle);  // within the reserved capacity
   }
 
   /// Call visit(Pressed) for the points in contact.
@@ -185,7 +224,9 @@ class SurfaceContact {
             pressed.weight[(c + 1) % 3] = q.next;
             pressed.weight[(c + 2) % 3] = q.last;
             const Vector3<> x = pressed.weight[0] * corner[0] + pressed.weight[1] * corner[1] + pressed.weight[2] * corner[2];
-            pressed.contact = press_point<double>(tip, x - tip.center, normals_[f], layer.point(tip.kind, q.share));
+            LayerPoint<double> point = layer.point(tip.kind, q.share);
+            if (((cones_[f] >> t) & 1) == 0) point.cone = no_cone;
+            pressed.contact = press_point<double>(tip, x - tip.center, normals_[f], point);
             if (pressed.contact.stiffness > 0.0) visit(pressed);
           }
         }
@@ -215,6 +256,10 @@ class SurfaceContact {
   double force_norm_ = 0.0;                             // N
   TipPair tips_;
   std::array<bool, TipPair::max_tips> continued_{};
+  std::vector<std::vector<std::size_t>> around_;  // by node: its triangles
+  std::vector<std::uint8_t> cones_;               // by triangle, bits of the tips
+  std::vector<Reach> in_tips_;                    // workspace: by triangle
+  std::vector<std::size_t> front_;                // workspace: triangles
 };
 
 }  // namespace palpate::deformable

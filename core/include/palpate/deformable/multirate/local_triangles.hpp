@@ -7,6 +7,7 @@
 
 #include "palpate/deformable/contact/float_pack.hpp"
 #include "palpate/deformable/contact/layer_point.hpp"
+#include "palpate/deformable/multirate/multi_tip_result.hpp"
 #include "palpate/math/vector.hpp"
 
 namespace palpate::deformable {
@@ -27,9 +28,11 @@ class LocalTriangles {
     std::array<Corner, 3> corner;
     Vector3<> normal = Vector3<>::Zero();  ///< of the surface at the state, outward
     bool complete = true;                  ///< whether the model has all contact nodes among the corners
+    std::uint8_t cones = 0xFF;             ///< bit t: the cone of tip t presses it, see depth_in_sphere()
   };
 
-  /// Rows of numbers: 3 x corner + axis for vectors of the corners, axis for the normal, corner for numbers of the corners.
+  /// Rows of numbers: 3 x corner + axis for vectors of the corners, axis for the normal, corner for numbers of the corners, tip for
+  /// LayerPoint::cone.
   enum Row : std::size_t {
     position = 0,
     direction = 9,
@@ -38,7 +41,8 @@ class LocalTriangles {
     radius = 30,
     round_stiffness = 33,
     flat_stiffness = 36,
-    row_count = 39
+    cone = 39,
+    row_count = 39 + TipPair::max_tips
   };
 
   /// Replace all triangles; at most max_triangles are taken. Positions are stored relative to `origin`.
@@ -49,6 +53,9 @@ class LocalTriangles {
     lines_.assign(row_count * stride_ / 16, detail::FloatLine{});
     nodes_.assign(stride_, {-1, -1, -1});
     complete_.assign(stride_, 1);
+    for (std::size_t t = 0; t < count_; ++t)
+      for (std::size_t tip = 0; tip < TipPair::max_tips; ++tip)
+        entry(cone + tip, t) = ((triangles[t].cones >> tip) & 1) != 0 ? 0.0F : static_cast<float>(no_cone);
     for (std::size_t t = 0; t < stride_; ++t)
       for (std::size_t c = 0; c < 3; ++c) {
         if (t >= count_) {  // out of reach of any tip

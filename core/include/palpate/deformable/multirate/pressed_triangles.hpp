@@ -149,6 +149,7 @@ class PressedTriangles {
     const PackVector normal = triangles.load_vector(LocalTriangles::normal, first);
     bool touched = false;
     const std::size_t row = tip.kind == Tip::Kind::flat ? LocalTriangles::flat_stiffness : LocalTriangles::round_stiffness;
+    const Scalar cone = triangles.load(LocalTriangles::cone + t, first);
     for (std::size_t c = 0; c < 3; ++c) {
       const std::size_t next = (c + 1) % 3, last = (c + 2) % 3;
       const Scalar stiffness = triangles.load(row + c, first), radius = triangles.load(LocalTriangles::radius + c, first);
@@ -157,7 +158,7 @@ class PressedTriangles {
         const Scalar own_weight(q.own), next_weight(q.next), last_weight(q.last);
         const PackVector y = own_weight * corner[c] + next_weight * corner[next] + last_weight * corner[last];
         if (tip.kind == Tip::Kind::sphere && !any(may_be_in_sphere(tip, y))) continue;
-        const PointContact<Scalar> contact = press_point<Scalar>(tip, y, normal, {Scalar(q.share) * stiffness, radius, inverse});
+        const PointContact<Scalar> contact = press_point<Scalar>(tip, y, normal, {Scalar(q.share) * stiffness, radius, inverse, cone});
         if (!any(contact.stiffness > zero)) continue;
         touched = true;
         p.energy += contact.energy;

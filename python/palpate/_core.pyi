@@ -351,7 +351,7 @@ class QuasiStaticSolver:
 
     def simulate_realtime(self, centers: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], outward: Annotated[NDArray[numpy.float64], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)], radii: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], flat: bool, period: float, thread: bool) -> tuple:
         """
-        Step along a path, one tick each period of wall-clock time, with model updates in a thread or none. Return rows as of simulate_path; lateness and duration of each tick, s; duration of each model update, s.
+        Step along a path, one tick each period of wall-clock time, with model updates in a thread, or with none but the first. Return rows as of simulate_path; lateness and duration of each tick, s; duration of each model update, s.
         """
 
     def last_report(self) -> NDArray[numpy.float64]:

@@ -216,9 +216,12 @@ void bind_solver(nb::module_& m) {
             {
               const nb::gil_scoped_release unlocked;
               std::unique_ptr<SlowThread> other;
-              if (thread && ways.ticks() > 0) {
+              if (ways.ticks() > 0 && (thread || self.coupling.update_count() == 0)) {
                 self.coupling.tick(ways.at(0));
-                other = std::make_unique<SlowThread>([&self] { self.coupling.update_model(); });
+                if (thread)
+                  other = std::make_unique<SlowThread>([&self] { self.coupling.update_model(); });
+                else
+                  self.coupling.update_model();
               }
               const auto begin = Clock::now();
               for (std::size_t k = 0; k < ways.ticks(); ++k, row += ways.columns(), t += 2) {
@@ -239,9 +242,8 @@ void bind_solver(nb::module_& m) {
             return nb::make_tuple(rows, times, seconds);
           },
           "centers"_a, "outward"_a, "radii"_a, "flat"_a, "period"_a, "thread"_a,
-          "Step along a path, one tick each period of wall-clock time, with model updates in a thread or none. Return rows as of "
-          "simulate_path; "
-          "lateness and duration of each tick, s; duration of each model update, s.")
+          "Step along a path, one tick each period of wall-clock time, with model updates in a thread, or with none but the first. Return "
+          "rows as of simulate_path; lateness and duration of each tick, s; duration of each model update, s.")
       .def(
           "last_report", [](const SolverCore& self) { return step_row(self.coupling.last_report()); },
           "Return the report of the last model update: residual before it, N; conjugate gradient steps of the equilibrium and of the "

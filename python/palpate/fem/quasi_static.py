@@ -194,8 +194,8 @@ class QuasiStaticSolver:
             outward: as in `simulate_path`.
             tip: as in `simulate_path`.
             period: of a tick, s or text.
-            thread: whether to update the model in a thread of its own. Without it there are no updates but the first, if
-                the solver has no model yet.
+            thread: whether to update the model in a thread of its own; without it there are no updates but the first,
+                if the solver has no model yet.
         """
         tick = tick_period(period)
         arguments = _core_path(path, radius, outward, tip)

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from nightly import NIGHTLY
 from palpate.cli.command import one_sentence
 from palpate.cli.interrupt import control_c
 from palpate.cli.main import app
@@ -145,7 +146,7 @@ def test_the_nth_call_that_fails_ends_a_command_in_one_sentence(
     words = [word.format(scenario=scenario, recording=recording, out=out) for word in COMMANDS[command]]
     program = thesis if command == "reproduce" else app
     monkeypatch.setattr(reproduce, "run", _write_reproduction)
-    every = "PALPATE_NIGHTLY" in os.environ
+    every = NIGHTLY
     with monkeypatch.context() as patch:
         system = _FaultySystem(0, ENOSPC)
         system.install(patch)
@@ -199,7 +200,7 @@ def test_the_nth_allocation_that_fails_ends_a_command_in_one_sentence(
     for name in ("empty", "zeros", "ones", "full", "arange", "linspace", "stack", "concatenate"):
         monkeypatch.setattr(np, name, counted(getattr(np, name)))
     before = _contents(out)
-    for failing in range(1, 200) if "PALPATE_NIGHTLY" in os.environ else (3,):
+    for failing in range(1, 200) if NIGHTLY else (3,):
         made = 0
         for file in out.glob("s.*"):
             file.unlink()

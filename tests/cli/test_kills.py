@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import nightly
 from palpate import fem
 from palpate.cli.main import app
 from palpate.errors import PalpateError
@@ -54,7 +55,7 @@ COMMANDS: dict[str, tuple[list[str], str, Callable[[Path], bytes]]] = {
 }
 
 
-@pytest.mark.skipif("PALPATE_NIGHTLY" not in os.environ, reason="starts hundreds of processes")
+@nightly
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_command_that_a_signal_ends_leaves_whole_files(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from typing import Any
 
 import control
 import numpy as np
 import palpate
 import pytest
+from nightly import NIGHTLY
 from normal_axis import Hand, axis_depth
 from palpate.arrays import Array
 from palpate.control import closed_loop, workspace
@@ -19,7 +19,6 @@ from palpate.linear.discretization import rendering_plant
 from palpate.simulation.trace import Trace
 from workspace_loops import OTHER, PERIOD, POSE, axis_loop, mass, slide, tables
 
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 ARM = load("phantom-premium-1.5a")
 ORGAN = {"shape": "bumpy_ellipsoid", "size": ["90 mm", "70 mm", "50 mm"], "bump": 0.06, "divisions": 4}
 FACETS = 30e-6  # m: what the turns of the normal between facets add to the depth

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import warnings
 from dataclasses import fields, replace
@@ -14,6 +13,7 @@ import control
 import numpy as np
 import palpate
 import pytest
+from nightly import NIGHTLY
 from palpate.arrays import Array
 from palpate.control import WorkspaceController, closed_loop, gain_interval, loop_margins, workspace
 from palpate.control.workspace_controller import OPTIONS
@@ -28,7 +28,6 @@ from palpate.simulation.simulator import build_simulation
 from palpate.simulation.verdict import State
 from workspace_loops import OTHER, PERIOD, POSE, axis_loop, mass, slide, tables
 
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 ARM = load("phantom-premium-1.5a")
 
 

@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from nightly import NIGHTLY
 
 ROOT = Path(__file__).parents[2]
 BIN = Path(sys.executable).parent
-NIGHTLY = bool(os.environ.get("PALPATE_NIGHTLY"))
 
 
 def run(*command: object, cwd: Path | None = None) -> str:

@@ -7,15 +7,14 @@ compiles the umbrella headers.
 from __future__ import annotations
 
 import importlib.util
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from nightly import nightly
 
 INCLUDE = Path(__file__).parents[2] / "core" / "include"
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 TARGETS = {"aarch64-linux-gnu": [], "x86_64-windows-gnu": [], "wasm32-wasi": ["-fno-exceptions"]}
 PROGRAM = """
 #include <palpate/mechanism/premium.hpp>
@@ -52,7 +51,7 @@ def test_a_servo_loop_compiles_for(target: str, tmp_path: Path) -> None:
     compile_for(target, PROGRAM, tmp_path)
 
 
-@pytest.mark.skipif(not NIGHTLY, reason="long: PALPATE_NIGHTLY=1 runs it")
+@nightly
 @pytest.mark.parametrize("target", TARGETS)
 def test_all_headers_compile_for(target: str, tmp_path: Path) -> None:
     compile_for(target, UMBRELLA + "int main() {}\n", tmp_path)

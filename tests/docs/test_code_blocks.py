@@ -15,13 +15,13 @@ import textwrap
 from pathlib import Path
 
 import pytest
+from nightly import NIGHTLY
 from scripts import run_program
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted(path for path in (ROOT / "docs").rglob("*.md") if "_build" not in path.parts)]
 SLOW_PROGRAMS = {"docs/how-to/run-in-cpp.md"}
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
 
 def blocks(page: Path, language: str) -> list[tuple[int, str]]:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+from nightly import nightly
 from PIL import Image
 
 PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
 
 def frames_of(path: Path) -> list[bytes]:
@@ -30,7 +28,7 @@ def test_the_animation_is_small_and_no_frame_repeats() -> None:
     assert len(set(frames)) == len(frames) == 40
 
 
-@pytest.mark.skipif(not NIGHTLY, reason="long: PALPATE_NIGHTLY=1 runs it")
+@nightly
 def test_the_script_draws_the_animation(tmp_path: Path) -> None:
     subprocess.run([sys.executable, PICTURES / "animate.py", tmp_path / "again.gif"], check=True)
     assert len(frames_of(tmp_path / "again.gif")) == 40

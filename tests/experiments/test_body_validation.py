@@ -6,13 +6,12 @@ import os
 
 import numpy as np
 import pytest
+from nightly import nightly
 from palpate.fem import Body, ContactHistory
 
 from experiments.body_validation import indenter as punch
 from experiments.body_validation.passivity import energy_out, small_body
 from experiments.body_validation.validation import flat_end, lattice_rows, linearized_mass_spring
-
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
 PATHS = int(os.environ.get("PALPATE_CLOSED_PATHS", "60"))
 
@@ -44,7 +43,7 @@ def test_a_flat_end_of_another_radius_is_that_of_the_reference() -> None:
     assert flat_end(punch.SIDE / 12, radius=15e-3) == pytest.approx(limit, rel=0.05)
 
 
-@pytest.mark.skipif(not NIGHTLY, reason="a long study: set PALPATE_NIGHTLY")
+@nightly
 def test_lattices_are_as_far_from_the_solid_as_is_said() -> None:
     rows = lattice_rows([0.45])
     assert len(rows) == 4

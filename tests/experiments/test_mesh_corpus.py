@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
+from nightly import NIGHTLY
 
 pytest.importorskip("trimesh")
 
 from experiments.mesh_corpus.press import press
 from experiments.mesh_corpus.shapes import SHAPES
 
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 REFUSED = {
     "plate, 80 x 80 x 0.5 mm": "too thin for a spacing",
     "two parts, one above": "1 of the 2 parts of the surface has no fixed place",

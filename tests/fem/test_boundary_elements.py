@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+from nightly import NIGHTLY
 from palpate import fem
 from palpate.cli.main import app
 from palpate.contact import Mesh
@@ -20,7 +20,6 @@ from palpate.simulation import simulate
 from typer.testing import CliRunner
 
 SIZE = (0.04, 0.04, 0.02)
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 TOP, BOTTOM = "z > 19.9 mm", "z < 0.001 mm"
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 import pytest
+from nightly import NIGHTLY
 from numpy.typing import NDArray
 from palpate import fem as bodies
 from palpate.fem import Body, block
@@ -15,8 +15,6 @@ from palpate.fem.checks import TipShape
 from palpate.fem.volume import Volume
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
-
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
 Array = NDArray[np.float64]
 UP, PERIOD = np.array([0.0, 0.0, 1.0]), 1e-3

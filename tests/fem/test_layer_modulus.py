@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nightly import nightly
 from palpate.arrays import Array
 from palpate.fem import build
 from palpate.fem.layer_modulus import layer_moduli
@@ -127,6 +128,7 @@ def test_the_axisymmetric_reference_nears_hertz_and_a_rigid_punch_on_a_deep_cyli
     assert deep.flat_end(2e-3, cell=1e-4) == pytest.approx(2.0 * plane_strain * 2e-3, rel=0.04)
 
 
+@nightly
 def test_tips_on_hyperelastic_skins_feel_the_force_of_neo_hookean_axisymmetric_elements() -> None:
     """With the modulus of the skin alone, the sphere and the flat end on the stiff skin are 32 and 16 % off."""
     rows = hyperelastic_on_skin(5e-3, positions=3, depths=(1.5e-3,))
@@ -135,6 +137,7 @@ def test_tips_on_hyperelastic_skins_feel_the_force_of_neo_hookean_axisymmetric_e
         assert abs(row["deviation"]) < row["tolerance"], row["name"]
 
 
+@nightly
 def test_the_neo_hookean_reference_is_the_linear_one_at_small_depths_and_stiffer_at_large_ones() -> None:
     linear, large = LayeredCylinder(10e3, 10e3, 2e-3), NeoHookeanCylinder(10e3, 10e3, 2e-3)
     assert large.flat_end_force(5e-3, 1e-5) == pytest.approx(1e-5 * linear.flat_end(5e-3), rel=2e-3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from nightly import NIGHTLY
 from palpate import Mesh, fem
 from palpate.contact.simplices import adjacent_faces, boundary, half_edges, volumes
 from palpate.fem import BodyError, Volume, builder
@@ -18,8 +18,6 @@ from palpate.fem.mesh_estimate import FineZone, estimate
 from palpate.fem.mesh_improvement import min_angles
 from palpate.fem.refinement import graded_size, refine
 from palpate.fem.volume import fill_surface
-
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 
 trimesh = pytest.importorskip("trimesh")
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import some
 from palpate import fem as bodies
 from palpate import simulate
 from palpate.errors import ScenarioError
@@ -292,7 +293,9 @@ def test_a_sticking_sphere_shears_the_body_as_linear_elasticity_does(
         assert stiffness[1] == pytest.approx(stiffness[0], rel=within)
 
 
-@pytest.mark.parametrize("memory", [INERTIA, RELAXING, INERTIA | RELAXING], ids=["inertia", "relaxation", "both"])
+@pytest.mark.parametrize(
+    "memory", some([INERTIA | RELAXING, INERTIA, RELAXING]), ids=some(["both", "inertia", "relaxation"])
+)
 def test_a_sticking_sphere_shears_a_body_with_memory_as_one_without_in_the_long_term(memory: dict[str, Any]) -> None:
     """Its lateral stiffness was 39 to 44 % larger: that of the body at rest, by quadratic elements."""
     body = bodies.build(bodies.block((0.04, 0.04, 0.02), 4e-3), young=1e4, fixed="z < 0.1 mm")

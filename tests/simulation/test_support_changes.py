@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import some
 from palpate import Loop, fem, simulate
 from palpate.errors import PalpateError, ScenarioError
 from palpate.metrics import summarize
@@ -112,13 +113,16 @@ def loop_response(trace: Trace) -> Any:
 
 @pytest.mark.parametrize(
     ("options", "difference"),
-    [
-        ({"kind": "compliance"}, 1e-4),
-        ({"kind": "signed_distance"}, 1e-4),
-        ({"kind": "signed_distance", "static_friction": 0.5}, 0.03),  # the place depends on the path
-        (RELAXING, 3e-3),  # points at the border of the contact come and go within the tolerance of the forces
-        (SWINGING, 3e-3),
-    ],
+    some(
+        [
+            ({"kind": "compliance"}, 1e-4),
+            ({"kind": "signed_distance"}, 1e-4),
+            ({"kind": "signed_distance", "static_friction": 0.5}, 0.03),  # the place depends on the path
+            (RELAXING, 3e-3),  # points at the border of the contact come and go within the tolerance of the forces
+            (SWINGING, 3e-3),
+        ],
+        4,
+    ),
 )
 def test_the_verdict_is_that_of_the_last_phase(block: Path, options: dict[str, Any], difference: float) -> None:
     """Its linear loop is that of the body with the supports of the last phase, not of the first."""

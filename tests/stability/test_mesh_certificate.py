@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import NIGHTLY
 from palpate.errors import StabilityError
 from palpate.metrics import measure_performance
 from palpate.scenario import Scenario
@@ -22,7 +23,6 @@ from palpate.stability.mode_stability import Switching
 from random_mesh_loops import loops, outcome
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 ROUNDS = int(os.environ.get("PALPATE_ROUNDS", "1"))
 
 

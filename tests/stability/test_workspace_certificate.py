@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
 import pytest
+from nightly import NIGHTLY
 from palpate.arrays import Array
 from palpate.control import workspace
 from palpate.devices import Device, load
@@ -16,7 +15,6 @@ from palpate.stability.switching import decrease, has_solver, strongest_lyapunov
 from palpate.stability.workspace_certificate import certify_workspace, workspace_loops
 
 pytestmark = pytest.mark.skipif(not has_solver(), reason="needs Clarabel")
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 ARM, ROTORS = load("phantom-premium-1.5a"), load("phantom-premium-1.5a-rotors")
 PERIOD = 5e-4
 

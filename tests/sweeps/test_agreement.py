@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 import warnings
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 import palpate
 import pytest
 from agreement import CLASSES, expected_classes, far, right_states, static_error
+from nightly import NIGHTLY, nightly
 from numpy.typing import NDArray
 from palpate.arrays import Array
 from palpate.errors import ScenarioError
@@ -25,7 +25,6 @@ from palpate.sweeps import State, SweepError, sweep
 from palpate.sweeps.judged_rows import _beyond
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "0") == "1"
 SIZE = 100 if NIGHTLY else 24
 SHOULDER = np.array([0.0, 0.17, -0.215])  # m, of the arm
 # scenario: largest stiffness (N/m) and damping (N s/m) of the map, duration
@@ -97,7 +96,7 @@ def test_no_cell_away_from_the_exact_curve_is_wrong(name: str, linear: bool, mon
     assert_agreement(name, linear)
 
 
-@pytest.mark.skipif(not NIGHTLY, reason="long: PALPATE_NIGHTLY=1 runs it")
+@nightly
 @pytest.mark.parametrize("name", MORE)
 def test_the_other_scenarios_agree_with_the_exact_curve(name: str) -> None:
     assert_agreement(name, linear=True)

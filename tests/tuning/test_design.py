@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import time
 from dataclasses import replace
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import palpate
 import pytest
+from nightly import NIGHTLY
 from palpate.cli.design import summary
 from palpate.cli.main import app
 from palpate.control import workspace
@@ -28,7 +28,6 @@ from palpate.tuning.remedies import drive_remedies
 from palpate.tuning.specification import specify
 from typer.testing import CliRunner
 
-NIGHTLY = os.environ.get("PALPATE_NIGHTLY", "") not in {"", "0"}
 NAME = "phantom-premium-1.5a"
 ARM = load(NAME)
 

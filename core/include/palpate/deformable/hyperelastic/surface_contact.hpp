@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -57,22 +58,28 @@ class SurfaceContact {
   [[nodiscard]] std::uint8_t cones(std::int32_t triangle) const noexcept { return cones_[at(triangle)]; }
   /// Continue the spheres of `tips`, from the next set_tips() on, where the surface at a displacement is in sphere or cone and connected,
   /// through triangles that are so too, to one with a point in the sphere; also at their neighbors, which may follow until the next call.
+  /// Walls are excepted (is_wall()).
   void update_cones(const TipPair& tips, const double* displacement) noexcept {
     continued_.fill(false);
     std::fill(cones_.begin(), cones_.end(), std::uint8_t{0});
     for (std::size_t t = 0; t < at(tips.count); ++t) {
-      if (tips.tip[t].kind != Tip::Kind::sphere) continue;
-      find_in_tip(tips.tip[t], displacement);
+      const Tip& tip = tips.tip[t];
+      if (tip.kind != Tip::Kind::sphere) continue;
+      const double top = find_in_tip(tip, displacement);
       const auto bit = static_cast<std::uint8_t>(1U << t);
       front_.clear();
       for (std::size_t f = 0; f < triangles_.size(); ++f)
         if (in_tips_[f] == Reach::sphere) mark(f, bit);
       continued_[t] = !front_.empty();
+      const auto follows = [&](std::size_t f) { return (cones_[f] & bit) == 0 && !is_wall(f, tip, top); };
       for (std::size_t k = 0; k < front_.size(); ++k)
         for_each_neighbor(front_[k], [&](std::size_t f) {
-          if (in_tips_[f] != Reach::none && (cones_[f] & bit) == 0) mark(f, bit);
+          if (in_tips_[f] != Reach::none && follows(f)) mark(f, bit);
         });
-      for (const std::size_t marked : front_) for_each_neighbor(marked, [&](std::size_t f) { cones_[f] |= bit; });
+      for (const std::size_t marked : front_)
+        for_each_neighbor(marked, [&](std::size_t f) {
+          if (follows(f)) cones_[f] |= bit;
+        });
     }
   }
   /// Return to tips that press nothing.
@@ -167,26 +174,44 @@ class SurfaceContact {
 
   enum class Reach : std::uint8_t { none, cone, sphere };
 
-  /// Find which triangles have a point in a sphere or its cone.
-  void find_in_tip(const Tip& sphere, const double* displacement) noexcept {
+  /// Find which triangles have a point in a sphere or its cone. Return the largest height at rest, along `outward`, of the points in the
+  /// sphere [m].
+  double find_in_tip(const Tip& sphere, const double* displacement) noexcept {
     Tip tip = sphere;
     tip.continued = true;
+    double top = -std::numeric_limits<double>::infinity();
     for (std::size_t f = 0; f < triangles_.size(); ++f) {
       const LayeredSurface::Triangle& triangle = triangles_[f];
       std::array<Vector3<>, 3> corner;
-      for (std::size_t c = 0; c < 3; ++c) corner[c] = position(triangle.vertex[c], displacement) - tip.center;
+      std::array<double, 3> height{};
+      for (std::size_t c = 0; c < 3; ++c) {
+        corner[c] = position(triangle.vertex[c], displacement) - tip.center;
+        height[c] = rest_[at(triangle.vertex[c])].dot(tip.outward);
+      }
       in_tips_[f] = Reach::none;
       for (std::size_t c = 0; c < 3; ++c) {
         if (!triangle.corner[c].exists()) continue;
+        const std::size_t next = (c + 1) % 3, last = (c + 2) % 3;
         for (const CornerPoint& q : corner_points) {
-          const Vector3<> y = q.own * corner[c] + q.next * corner[(c + 1) % 3] + q.last * corner[(c + 2) % 3];
-          if (y.squaredNorm() < tip.radius * tip.radius)
+          const Vector3<> y = q.own * corner[c] + q.next * corner[next] + q.last * corner[last];
+          if (y.squaredNorm() < tip.radius * tip.radius) {
             in_tips_[f] = Reach::sphere;
-          else if (in_tips_[f] == Reach::none && depth_in_sphere<double>(tip, y, y).depth > 0.0)
+            top = std::max(top, q.own * height[c] + q.next * height[next] + q.last * height[last]);
+          } else if (in_tips_[f] == Reach::none && depth_in_sphere<double>(tip, y, y).depth > 0.0) {
             in_tips_[f] = Reach::cone;
+          }
         }
       }
     }
+    return top;
+  }
+  /// Whether a triangle is steep at rest and rises there above what the sphere presses, whose largest height is `top` [m]. A sphere passes
+  /// beside it, and the cone above would not.
+  [[nodiscard]] bool is_wall(std::size_t triangle, const Tip& tip, double top) const noexcept {
+    const auto& v = triangles_[triangle].vertex;
+    const Vector3<>&a = rest_[at(v[0])], &b = rest_[at(v[1])], &c = rest_[at(v[2])];
+    const double highest = std::max({a.dot(tip.outward), b.dot(tip.outward), c.dot(tip.outward)});
+    return highest > top + 0.1 * tip.radius && (b - a).cross(c - a).normalized().dot(tip.outward) < 0.5;
   }
   template <class Visit>
   void for_each_neighbor(std::size_t triangle, Visit visit) const noexcept {

@@ -14,6 +14,7 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from palpate import fem
 from palpate.control.controller import Controller
 from palpate.errors import ScenarioError
 from palpate.scenario import Scenario
@@ -72,6 +73,23 @@ def test_a_chunk_of_cells_that_run_one_at_a_time_takes_seconds(seconds: float, c
     body = {"shape": "block", "size": ["20 mm"] * 2 + ["10 mm"], "spacing": "5 mm", "young": "10 kPa", "radius": "4 mm"}
     tables = {**SLIDER, "object": {"kind": "body", "body": body}, "run": {"duration": f"{seconds} s"}}
     assert plan_of(tables, {"operator.stiffness": list(np.linspace(10.0, 90.0, 65))}).chunk == chunk
+
+
+def test_a_file_of_an_axis_is_relative_to_the_folder_of_the_scenario(tmp_path: Path) -> None:
+    """As in the scenario's file; workers have other working directories."""
+    for name, size in (("one", "10 mm"), ("two", "12 mm")):
+        fem.build(fem.block(("20 mm", "20 mm", size), "5 mm"), young="10 kPa", fixed="z < 0.1 mm").save(
+            tmp_path / f"{name}.h5"
+        )
+    file = tmp_path / "press.toml"
+    file.write_text(
+        '[device]\nname = "slider"\n[object]\nkind = "body"\nposition = ["-4.1 mm", "0 mm", "0 mm"]\n'
+        '[object.body]\nfile = "one.h5"\nradius = "4 mm"\n'
+        '[reference]\nforce = ["-0.1 N", "0 N", "0 N"]\n[run]\nduration = "0.1 s"\n'
+    )
+    found = plan_of(file, {"object.body.file": ["one.h5", "two.h5"]})
+    assert found.axes[0].values == (str(tmp_path / "one.h5"), str(tmp_path / "two.h5"))
+    assert [Path(found.scenario(cell).object.body.file).name for cell in (0, 1)] == ["one.h5", "two.h5"]
 
 
 def test_an_axis_is_checked_with_the_first_values_of_the_others() -> None:

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
@@ -51,6 +51,15 @@ def checksums(tables: Mapping[str, Any], axes: Sequence[Axis]) -> dict[str, str]
             with Path(name).open("rb") as file:
                 found[name] = hashlib.file_digest(file, "sha256").hexdigest()
     return found
+
+
+def in_folder_of(source: str, axis: Axis) -> Axis:
+    """Return an axis with absolute paths for files in the folder of a scenario's file `source`, "" if it has none."""
+    if not axis.path.endswith(FILES):
+        return axis
+    paths = [(Path(source).parent / str(value)).resolve() for value in axis.values]
+    found = (str(path) if path.is_file() else value for path, value in zip(paths, axis.values, strict=True))
+    return replace(axis, values=tuple(found))
 
 
 def _file_names(tables: Mapping[str, Any]) -> Iterator[str]:

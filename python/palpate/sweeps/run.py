@@ -23,7 +23,7 @@ from palpate.simulation.verdict import State
 from palpate.sweeps.axes import LARGEST, Axis, SweepError, axes_of, check_count, limits_of
 from palpate.sweeps.excitation import Excitation
 from palpate.sweeps.outcomes import Outcomes
-from palpate.sweeps.plan import Design, Plan, checksums
+from palpate.sweeps.plan import Design, Plan, checksums, in_folder_of
 from palpate.sweeps.store import FileStore, MemoryStore, bytes_of, read
 from palpate.sweeps.sweep_plot import plot_sweep
 
@@ -210,7 +210,7 @@ def plan_of(
     if design not in ("cell", "once"):
         raise SweepError(f'design: {design!r}; it is "cell" or "once"')
     limits = {path: limits_of(path, text) for path, text in (random or {}).items()}
-    axes = axes_of(over)
+    axes = tuple(in_folder_of(scenario.source, axis) for axis in axes_of(over))
     if twice := limits.keys() & {axis.path for axis in axes}:
         raise SweepError(f"{min(twice)} is varied and drawn at random")
     check_count([*map(len, axes), *([int(draws)] if draws > 1 else [])])

@@ -290,19 +290,29 @@ class IndentableBody(CondensedBody):
         return ContactHistory.of(settle_at_depths(depths, settle, inverted)[None])
 
     def _settle(self, center: Array, size: float, normal: Array, tip: TipShape, period: float) -> ContactHistory:
-        """Keep the tip at `center` until the force stays within 0.1 % for 50 ms; warn if it does not in 5 s.
+        """Keep the tip at `center` until the force stays within 0.1 % for 50 ms and will; warn if it does not in 60 s.
 
-        A body that the press has thrown off has no force until it falls back on the tip: that must last for 2 s.
+        What it will still change by follows from the change between the last windows, as it decays exponentially. A
+        body that the press has thrown off has no force until it falls back on the tip: that must last for 2 s.
         """
         still, free = np.tile(center, (int(np.ceil(0.05 / period)), 1)), 0
-        for _ in range(100):
+        mean, drift = np.full(3, np.inf), np.inf
+        for _ in range(1200):
             history = self._move(still, size, outward=normal, tip=tip)
             free = 0 if history.nodes.any() else free + 1
-            steady = np.abs(np.ptp(history.force, axis=0)).max() <= 1e-3 * np.linalg.norm(history.force[-1])
+            least = 1e-3 * float(np.linalg.norm(history.force[-1]))
+            before, drift = drift, float(np.linalg.norm(history.force.mean(axis=0) - mean))
+            mean = history.force.mean(axis=0)
+            left = drift / max(1.0 - drift / before, 1e-3) if drift < before < np.inf else drift / 1e-3
+            steady = np.abs(np.ptp(history.force, axis=0)).max() <= least and left <= least
             if steady and (free == 0 or free >= _FLIGHT):
                 break
         else:
-            warnings.warn("the body did not settle in 5 s: add damping", BodyWarning, stacklevel=4)
+            warnings.warn(
+                "the body did not settle in 60 s: add damping if it swings, use a shorter period if it creeps",
+                BodyWarning,
+                stacklevel=4,
+            )
         force, deflection, energy, nodes, friction, lost = history
         return ContactHistory(force[-1:], deflection[-1:], energy[-1:], nodes[-1:], friction[-1:], lost[-1:])
 

@@ -146,14 +146,13 @@ def test_the_nth_call_that_fails_ends_a_command_in_one_sentence(
     words = [word.format(scenario=scenario, recording=recording, out=out) for word in COMMANDS[command]]
     program = thesis if command == "reproduce" else app
     monkeypatch.setattr(reproduce, "run", _write_reproduction)
-    every = NIGHTLY
     with monkeypatch.context() as patch:
         system = _FaultySystem(0, ENOSPC)
         system.install(patch)
         assert palpate(*words, program=program)[0] == 0
     whole, sentences = _contents(out), 0
     assert system.made > 4
-    for failing in range(1, system.made + 1) if every else (1, system.made // 2, system.made - 1):
+    for failing in range(1, system.made + 1) if NIGHTLY else (1, system.made // 2, system.made - 1):
         number = ENOSPC if failing % 2 else EIO
         for file in out.glob("s.*"):
             file.unlink()

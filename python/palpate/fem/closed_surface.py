@@ -307,10 +307,9 @@ def _loops_from(start: int, after: dict[int, list[int]]) -> list[Indices]:
 
 def _depths(points: Array, faces: Indices, part: Indices) -> Indices:
     """Return the number of parts that each part lies inside of."""
-    order = np.argsort(part, kind="stable")
-    parts = np.split(faces[order], np.flatnonzero(np.diff(part[order])) + 1)
+    parts = _split(faces, part)
     own = [points[np.unique(one)] for one in parts]
-    low, high = (np.array([end(one, axis=0) for one in own]) for end in (np.min, np.max))
+    low, high = _boxes(own)
     level = np.zeros(len(parts), dtype=np.int64)
     for other, outer in enumerate(parts):
         within = (low >= low[other]).all(axis=1) & (high <= high[other]).all(axis=1)
@@ -322,11 +321,23 @@ def _depths(points: Array, faces: Indices, part: Indices) -> Indices:
     return level
 
 
+def _split(faces: Indices, part: Indices) -> list[Indices]:
+    """Return the triangles of each part; `part` is the index of each triangle (k,)."""
+    order = np.argsort(part, kind="stable")
+    return np.split(faces[order], np.flatnonzero(np.diff(part[order])) + 1)
+
+
+def _boxes(sets: list[Array]) -> tuple[Array, Array]:
+    """Return the lowest and the highest coordinates (s, 3) of sets of points (n, 3)."""
+    return np.array([one.min(axis=0) for one in sets]), np.array([one.max(axis=0) for one in sets])
+
+
 def _crossing(points: Array, faces: Indices, part: Indices, chosen: Indices) -> Flags:
     """Return whether each part (p,), of the `chosen`, crosses another one of these."""
     result = np.zeros(int(part.max()) + 1, dtype=bool)
-    own = [faces[part == k] for k in chosen]
-    low, high = (np.array([end(points[one].reshape(-1, 3), axis=0) for one in own]) for end in (np.min, np.max))
+    parts = _split(faces, part)
+    own = [parts[k] for k in chosen]
+    low, high = _boxes([points[one].reshape(-1, 3) for one in own])
     for i in range(len(chosen)):
         for j in i + 1 + np.flatnonzero(((low[i + 1 :] <= high[i]) & (high[i + 1 :] >= low[i])).all(axis=1)):
             both = _core.TriangleMesh(points, np.concatenate([own[i], own[j]]), True)

@@ -301,10 +301,9 @@ class IndentableBody(CondensedBody):
             history = self._move(still, size, outward=normal, tip=tip)
             free = 0 if history.nodes.any() else free + 1
             least = 1e-3 * float(np.linalg.norm(history.force[-1]))
-            before, drift = drift, float(np.linalg.norm(history.force.mean(axis=0) - mean))
-            mean = history.force.mean(axis=0)
-            left = drift / max(1.0 - drift / before, 1e-3) if drift < before < np.inf else drift / 1e-3
-            steady = np.abs(np.ptp(history.force, axis=0)).max() <= least and left <= least
+            last, mean = mean, history.force.mean(axis=0)
+            before, drift = drift, float(np.linalg.norm(mean - last))
+            steady = np.abs(np.ptp(history.force, axis=0)).max() <= least and _change_left(before, drift) <= least
             if steady and (free == 0 or free >= _FLIGHT):
                 break
         else:
@@ -437,6 +436,11 @@ class IndentableBody(CondensedBody):
         for node, force, friction in zip(nodes, forces, self.core.friction_forces(), strict=True):
             total += self.compliance[:, 3 * node : 3 * node + 3] @ (friction - force * self.normals[node])
         return total.reshape(-1, 3)
+
+
+def _change_left(before: float, drift: float) -> float:
+    """Return an upper estimate of the change that follows two consecutive ones, as it decays exponentially."""
+    return drift / (max(1.0 - drift / before, 1e-3) if drift < before < np.inf else 1e-3)
 
 
 def _static_options(kind: ModelSpec) -> dict[str, float | str]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from os.path import isfile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -47,7 +48,7 @@ def checksums(tables: Mapping[str, Any], axes: Sequence[Axis]) -> dict[str, str]
     names = {str(value) for axis in axes if axis.path.endswith(FILES) for value in axis.values}
     found = {}
     for name in sorted(names.union(_file_names(tables))):
-        if Path(name).is_file():
+        if isfile(name):  # unlike Path.is_file(), no error for a name that is too long
             with Path(name).open("rb") as file:
                 found[name] = hashlib.file_digest(file, "sha256").hexdigest()
     return found
@@ -57,8 +58,8 @@ def in_folder_of(source: str, axis: Axis) -> Axis:
     """Return an axis with absolute paths for files in the folder of a scenario's file `source`, "" if it has none."""
     if not axis.path.endswith(FILES):
         return axis
-    paths = [(Path(source).parent / str(value)).resolve() for value in axis.values]
-    found = (str(path) if path.is_file() else value for path, value in zip(paths, axis.values, strict=True))
+    paths = [Path(source).parent / str(value) for value in axis.values]
+    found = (str(path.resolve()) if isfile(path) else value for path, value in zip(paths, axis.values, strict=True))
     return replace(axis, values=tuple(found))
 
 

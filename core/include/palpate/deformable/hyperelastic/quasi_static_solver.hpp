@@ -65,10 +65,6 @@ class QuasiStaticSolver {
     node_of_.resize(mesh.points.size());
     for (std::int32_t i = 0; i < static_cast<std::int32_t>(mesh.points.size()); ++i)
       node_of_[static_cast<std::size_t>(model_.point_of(i))] = i;
-    triangles_of_point_.resize(mesh.points.size());
-    for (std::size_t f = 0; f < surface_.triangles.size(); ++f)
-      for (const std::int32_t p : surface_.triangles[f])
-        triangles_of_point_[static_cast<std::size_t>(p)].push_back(static_cast<std::int32_t>(f));
     index_of_.assign(mesh.points.size(), -1);
     tips_contact_ = SurfaceContact(points_, layered_, node_of_, model_.free_nodes());
     next_.compliance_matrix.assign(static_cast<std::size_t>(LocalModel::capacity) * LocalModel::capacity, 0.0);
@@ -351,8 +347,8 @@ class QuasiStaticSolver {
   /// Outward normal of the deformed surface, area-weighted over the adjacent triangles.
   [[nodiscard]] Vector3<> normal(std::int32_t id) const {
     Vector3<> sum = Vector3<>::Zero();
-    for (const std::int32_t f : triangles_of_point_[static_cast<std::size_t>(surface_.point[static_cast<std::size_t>(id)])]) {
-      const auto& t = surface_.triangles[static_cast<std::size_t>(f)];
+    for (const std::size_t f : tips_contact_.triangles_around(node_of_[at(surface_.point[at(id)])])) {
+      const auto& t = surface_.triangles[f];
       const Vector3<> a = position(t[0]);
       sum += (position(t[1]) - a).cross(position(t[2]) - a);
     }
@@ -533,11 +529,10 @@ class QuasiStaticSolver {
   LayeredSurface layered_;
   SurfaceContact tips_contact_;
   SolverOptions options_;
-  std::vector<Vector3<>> points_;                              // rest positions, m
-  std::vector<std::array<std::int32_t, 4>> tetrahedra_;        // mesh points
-  std::vector<std::int32_t> node_of_;                          // node of each mesh point
-  std::vector<std::int16_t> index_of_;                         // workspace: index in the local model by mesh point; -1: absent
-  std::vector<std::vector<std::int32_t>> triangles_of_point_;  // by mesh point
+  std::vector<Vector3<>> points_;                        // rest positions, m
+  std::vector<std::array<std::int32_t, 4>> tetrahedra_;  // mesh points
+  std::vector<std::int32_t> node_of_;                    // node of each mesh point
+  std::vector<std::int16_t> index_of_;                   // workspace: index in the local model by mesh point; -1: absent
   LocalModelContact contact_;
   std::vector<LocalTriangles::Triangle> triangles_;  // workspace
   std::vector<bool> beyond_;                         // workspace: triangles with contact nodes outside of the next model

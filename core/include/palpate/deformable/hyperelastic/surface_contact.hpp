@@ -54,11 +54,13 @@ class SurfaceContact {
   }
   /// Whether a cone continues each sphere anywhere, see Tip.
   [[nodiscard]] const std::array<bool, TipPair::max_tips>& continued() const noexcept { return continued_; }
+  /// Triangles around a node, ascending.
+  [[nodiscard]] const std::vector<std::size_t>& triangles_around(std::int32_t node) const noexcept { return around_[at(node)]; }
   /// Bit t: the cone of tip t presses a triangle.
   [[nodiscard]] std::uint8_t cones(std::int32_t triangle) const noexcept { return cones_[at(triangle)]; }
-  /// Continue the spheres of `tips`, from the next set_tips() on, where the surface at a displacement is in sphere or cone and connected,
-  /// through triangles that are so too, to one with a point in the sphere; also at their neighbors, which may follow until the next call.
-  /// Walls are excepted (is_wall()).
+  /// Select the triangles that the cones of `tips` press from the next set_tips() on, at a displacement of the surface. A triangle in
+  /// sphere or cone is selected if such triangles connect it to one with a point in the sphere. So are their neighbors, which may follow
+  /// until the next call, but no walls (is_wall()).
   void update_cones(const TipPair& tips, const double* displacement) noexcept {
     continued_.fill(false);
     std::fill(cones_.begin(), cones_.end(), std::uint8_t{0});
@@ -216,7 +218,7 @@ class SurfaceContact {
   template <class Visit>
   void for_each_neighbor(std::size_t triangle, Visit visit) const noexcept {
     for (const std::int32_t v : triangles_[triangle].vertex)
-      for (const std::size_t f : around_[at(v)]) visit(f);
+      for (const std::size_t f : triangles_around(v)) visit(f);
   }
   void mark(std::size_t triangle, std::uint8_t bit) noexcept {
     cones_[triangle] |= bit;

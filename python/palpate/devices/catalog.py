@@ -6,7 +6,7 @@ import difflib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -75,8 +75,14 @@ _TEXTS = ("name", "description", "mechanism", "based_on", "identified_model")
 
 def names() -> list[str]:
     """Return the names of the devices in the catalog."""
+    return sorted(_catalog())
+
+
+@cache
+def _catalog() -> dict[str, str]:
+    """Return the text of each device's file in the package. They stay as they are while a program runs."""
     files = resources.files("palpate.devices").iterdir()
-    return sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml"))
+    return {file.name.removesuffix(".toml"): file.read_text("utf-8") for file in files if file.name.endswith(".toml")}
 
 
 def load(name_or_path: Device | str | os.PathLike[str]) -> Device:
@@ -206,8 +212,8 @@ def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
         )
     name = os.fspath(name_or_path)
     path = Path(name)
-    if name in names():
-        return resources.files("palpate.devices").joinpath(f"{name}.toml").read_text("utf-8"), f"device {name}"
+    if name in _catalog():
+        return _catalog()[name], f"device {name}"
     if path.suffix != ".toml":
         close = difflib.get_close_matches(name, names(), 1)
         hint = f"did you mean {close[0]}? For" if close else "for"

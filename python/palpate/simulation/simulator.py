@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -429,6 +430,7 @@ def _hold(setup: Any, scenario: Scenario, device: Device, start: Array) -> None:
     setup.human_arm = hand
 
 
+@cache
 def package_version() -> str:
     """Return the version of the installed package, or "unknown" in a source tree that is not installed."""
     try:

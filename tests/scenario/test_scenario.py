@@ -194,6 +194,7 @@ def test_a_mistake_is_told_with_file_line_field_and_remedy(old: str, new: str, s
         (tables(controller={"kind": "state_space", "A": [[math.inf]]}), "finite"),
         (tables(object={**BODY, "body": {"file": "none.h5", "radius": "8 mm"}}),
          "none.h5: there is no such file; palpate body build or palpate body phantom makes one"),
+        (tables(object={**BODY, "body": {"file": 300 * "x" + ".h5", "radius": "8 mm"}}), "x.h5: there is no such file"),
         (tables(object={**MESH,
                          "surface": {"stiffness": ["1 N/mm", "-1 N/mm"], "pattern": "stripes", "width": "1 mm"}}),
          "object.surface.stiffness: ['1 N/mm', '-1 N/mm'] must not be negative"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from itertools import pairwise
+from os.path import isfile
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple, Self
 
@@ -236,7 +237,7 @@ class BodyChoice(Section):
         if file is None:
             return None
         path = Path(file) if base is None else (Path(base) / file).resolve()
-        if not path.is_file():
+        if not isfile(path):  # unlike Path.is_file(), no error for a name that is too long
             raise ValueError(f"{path}: there is no such file; palpate body build or palpate body phantom makes one")
         return str(path)
 

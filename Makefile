@@ -106,8 +106,10 @@ clean:  ## remove everything that the other targets make
 packages = $(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print(*$(1), sep='\n')" \
 	| $(BIN)/python -m pip install --quiet --requirement /dev/stdin
 extra = $(call packages,p['optional-dependencies']['$(1)'])
-# Goals that need the packages of the tests install them while the core compiles.
-EARLY := $(if $(filter test sanitize builds check nightly docs lint tidy format bench .venv/%-installed,$(MAKECMDGOALS)),+ p['optional-dependencies']['test'])
+# The packages that the goals need are installed while the core compiles.
+early = $(if $(filter $(2),$(MAKECMDGOALS)),+ p['optional-dependencies']['$(1)'])
+EARLY := $(call early,test,test sanitize builds check nightly docs lint tidy format bench .venv/%-installed) \
+	$(call early,lint,check lint tidy format .venv/lint-installed) $(call early,docs,docs .venv/docs-installed)
 
 # Editable: Python changes need no reinstall, and the core is rebuilt when one of its files is newer.
 # The core compiles while pip downloads and installs the dependencies.

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nightly import some
 from palpate import _core, fem
 from palpate.fem import Body, block
 from palpate.fem.checks import TipShape
@@ -118,7 +119,7 @@ def test_a_tip_above_a_corner_of_the_beam_is_not_lost(kind: str) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:the forces of")
-@pytest.mark.parametrize("speed", [0.05, 0.15])
+@pytest.mark.parametrize("speed", some([0.15, 0.05]))
 @pytest.mark.parametrize(
     ("kind", "part"),
     [("elastic", 0.25), ("elastic", 0.35), ("elastic", 0.5), ("modal", 0.35), ("relaxing modal", 0.35)],

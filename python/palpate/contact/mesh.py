@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from palpate import _core
 from palpate.arrays import Array, Indices
 from palpate.contact.diagnosis import Diagnosis, format_size
-from palpate.contact.simplices import components, unique_rows
+from palpate.contact.simplices import components, half_edges, unique_rows
 from palpate.errors import PalpateError, shorten
 from palpate.files import check_readable
 from palpate.units import parse_quantity
@@ -67,9 +67,12 @@ class Mesh:
         self._repairs = tuple(repairs)
         for array in (self.vertices, self.triangles):
             array.setflags(write=False)
-        self.core = _core.TriangleMesh(self.vertices, self.triangles, self.open)
+        self.core = self._make_core()
         if not self.core.usable:
             self._refuse()
+
+    def _make_core(self) -> Any:
+        return _core.TriangleMesh(self.vertices, self.triangles, self.open)
 
     @classmethod
     def load(cls, path: str | Path, *, unit: str, open: bool = False, repair: bool = True) -> Mesh:
@@ -190,6 +193,26 @@ class Mesh:
             if count:
                 raise MeshError(f"the mesh has triangles {defect} ({count}, the first is triangle {first}): {remedy}")
         raise MeshError("the mesh is not usable for contact: mesh again")
+
+
+class BodySurface(Mesh):
+    """Surface of a body, or a part of it. It may have a border, and edges that more than two triangles share.
+
+    There tetrahedra join along an edge only, as in a body made of voxels. The core has copies of the vertices of such
+    edges, so that `nearest` finds the triangles on them.
+    """
+
+    def __init__(self, vertices: ArrayLike, triangles: ArrayLike) -> None:
+        super().__init__(vertices, triangles, open=True, repair=False)
+
+    def _make_core(self) -> Any:
+        halves = half_edges(self.triangles)
+        number = unique_rows(np.sort(halves, axis=1))[1]
+        face, side = np.divmod(np.flatnonzero(np.bincount(number)[number] > 2), 3)
+        face, corner = np.tile(face, 2), np.concatenate([side, (side + 1) % 3])
+        faces, copies = self.triangles.copy(), self.vertices[self.triangles[face, corner]]
+        faces[face, corner] = len(self.vertices) + np.arange(len(face))
+        return _core.TriangleMesh(np.concatenate([self.vertices, copies]), faces, True)
 
 
 def check_vertices(vertices: ArrayLike) -> Array:

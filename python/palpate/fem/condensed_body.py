@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from palpate import _core
 from palpate.arrays import Array, Flags, Indices, Single
 from palpate.contact.diagnosis import format_size
-from palpate.contact.mesh import Mesh
+from palpate.contact.mesh import BodySurface, Mesh
 from palpate.contact.pseudonormals import Pseudonormals
 from palpate.contact.simplices import area_vectors, boundary, parts_of_cells
 from palpate.fem.checks import point_of
@@ -124,12 +124,12 @@ class CondensedBody:
     def surface(self) -> Mesh:
         """Contact surface as a mesh."""
         used, faces = self._contact_surface
-        return Mesh(self.points[used], faces.reshape(-1, 3), open=True, repair=False)
+        return BodySurface(self.points[used], faces.reshape(-1, 3))
 
     @cached_property
     def whole_surface(self) -> Mesh:
         """The whole surface at rest as a mesh."""
-        return Mesh(self.points, self.triangles, open=True, repair=False)
+        return BodySurface(self.points, self.triangles)
 
     @cached_property
     def _pseudonormals(self) -> Pseudonormals:
@@ -140,7 +140,7 @@ class CondensedBody:
     def untouched_surface(self) -> Mesh | None:
         """The rest of the surface as a mesh; None if all of it is touched."""
         faces = self.contents.triangles[~self.contents.contact_triangles]
-        return Mesh(self.points, faces, open=True, repair=False) if len(faces) else None
+        return BodySurface(self.points, faces) if len(faces) else None
 
     @cached_property
     def _fixed_surface(self) -> tuple[Mesh | None, cKDTree | None]:
@@ -148,7 +148,7 @@ class CondensedBody:
         faces = self.contents.triangles[self.contents.contact_triangles]
         free = np.isin(faces, self.contents.nodes)
         still = faces[~free.any(axis=1)]
-        mesh = Mesh(self.points, still, open=True, repair=False) if len(still) else None
+        mesh = BodySurface(self.points, still) if len(still) else None
         vertices = np.unique(faces[~free])
         return mesh, cKDTree(self.points[vertices]) if len(vertices) else None
 

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import sparse
 
 from palpate.arrays import Array, Flags, Indices
-from palpate.contact.mesh import Mesh
+from palpate.contact.mesh import BodySurface
 from palpate.contact.simplices import area_vectors
 from palpate.fem.checks import bounds_of, row_of
 from palpate.fem.errors import BodyError, BodyWarning
@@ -230,7 +230,7 @@ class Elements:
     def _depth(self, points: Array) -> Array:
         """Return the distance of points (q, 3), m, from the contact surface (q,), m."""
         used, faces = np.unique(self.triangles, return_inverse=True)
-        nearest, _ = Mesh(self.volume.points[used], faces.reshape(-1, 3), open=True, repair=False).nearest(points)
+        nearest, _ = BodySurface(self.volume.points[used], faces.reshape(-1, 3)).nearest(points)
         return np.asarray(np.linalg.norm(points - nearest, axis=1))
 
     @property

@@ -249,6 +249,22 @@ def relaxing(time: str, **options: Any) -> dict[str, Any]:
     }
 
 
+def test_the_zwidth_of_a_beam_without_friction_ends_where_the_tip_slides_aside(tmp_path: Path) -> None:
+    """A stiffer beam pushes the tip off its bent surface. The curve ended 1.1 to 14 times beyond that stiffness."""
+    path = tmp_path / "beam.h5"
+    beam = fem.block((0.06, 0.009, 0.009), 0.0045)
+    fem.build(beam, young=20e3, fixed="x < 0.1 mm", touch="z > 8.9 mm", order=1, output=path)
+    tables = press(path, "compliance", 20.0, tip="sphere", radius="6 mm", origin=["45 mm", "4.5 mm", "9 mm"])
+    tables["object"]["position"] = ["0 mm", "0 mm", "-6.3 mm"]
+    tables["operator"]["force"] = ["0 N", "0 N", "-0.5 N"]
+    margin = certify(tables).margin
+    assert margin["slide_margin"] < 0.9 * margin["gain_margin"]
+    curve = next(iter(zwidth(tables).curves.values()))
+    limit = margin["slide_margin"] * margin["static_stiffness_N_per_m"]
+    assert curve.stiffness[0] == pytest.approx(limit, rel=1e-6)
+    assert curve.damping[0] == 0.0
+
+
 @pytest.mark.parametrize("time", some(["0.5 s", "2 s", "20 ms", "0.1 s", "5 s"], 2))
 def test_the_static_stiffness_of_a_relaxing_body_does_not_depend_on_its_time(time: str, tmp_path: Path) -> None:
     """By signed distance each displacement leaves a constant, whose sum over a slow response was half its stiffness."""

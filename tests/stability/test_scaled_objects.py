@@ -148,7 +148,7 @@ def body_of(
     run = SimpleNamespace(trace="a trace", rests=rests)
     monkeypatch.setattr(body, "contact_of", lambda _s: (found, run, 17))
 
-    def device_loop(_s: Any, trace: str, row: int, normal: str, across: bool, arm: Any = "none") -> Any:
+    def device_loop(_s: Any, trace: str, row: int, normal: str, across: bool, arm: Any = None) -> Any:
         assert (trace, row, normal) == ("a trace", 17, "the normal")
         seen["arms"].append((across, arm))
         return SimpleNamespace(path=f"path of {arm}")
@@ -185,8 +185,8 @@ def test_the_boundaries_of_a_body_are_those_of_each_operator_along_the_normal_or
         assert found == pytest.approx(least)
         assert shares == [0.25, 0.5, 0.75]
         projected = directions == 3 and not across
-        assert curves["mine"].path == ("path of none" if projected else "own")
-        assert seen["arms"] == [(False, "none")] * projected + [(across, arm) for arm in ("one", "lost", "two")]
+        assert curves["mine"].path == ("path of None" if projected else "own")
+        assert seen["arms"] == [(False, None)] * projected + [(across, arm) for arm in ("one", "lost", "two")]
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+import control
 import numpy as np
 
 from palpate.errors import StabilityError
@@ -34,6 +35,34 @@ _NOT_SIMULATED = (
 )
 
 
+@dataclass(frozen=True)
+class _HeldLoop:
+    """Loop along the normal of a contact without friction, where an arm holds the tip against slides.
+
+    A stiffer body pushes the tip aside more: both loops limit its stiffness.
+
+    Attributes:
+        along: motions along the normal.
+        across: motions in all directions.
+    """
+
+    along: BodyLoop
+    across: BodyLoop
+
+    @property
+    def period(self) -> float:
+        """Servo period, s."""
+        return self.along.period
+
+    def root(self, scale: float = 1.0, damping: float = 0.0) -> complex:
+        """Return the eigenvalue with the largest modulus of both loops, or one outside the unit circle."""
+        along = self.along.root(scale, damping)
+        return along if abs(along) >= 1.0 else max(along, self.across.root(scale, damping), key=abs)
+
+
+_Loop = BodyLoop | MultirateLoop | _HeldLoop
+
+
 def body_boundaries(
     s: Scenario, own: str, others: list[tuple[str, HumanArm | None]], progress: Callable[[float], None]
 ) -> tuple[dict[str, Boundary], list[str], float, float, str]:
@@ -41,9 +70,10 @@ def body_boundaries(
 
     A boundary gives the largest static stiffness of the body along the contact's normal, over the damping of a damper
     beside the body, along the normal and by backward difference. The whole response of the body is scaled, at the tip
-    position where the scenario's run rests; motions are along the normal, or in all directions with friction. The
-    doubt is why the scenario's own loop is not known to be stable: small motions in all directions about its contact
-    do not decay, or its run does not rest. It is empty if the loop is stable.
+    position where the scenario's run rests. Motions are along the normal. They are in all directions with friction, or
+    if an arm keeps the tip from sliding at the scenario's stiffness (the slide margin of `ContactStability`). The doubt
+    is why the scenario's own loop is not known to be stable: small motions in all directions about its contact do not
+    decay, or its run does not rest. It is empty if the loop is stable.
 
     Args:
         s: its object is a body.
@@ -55,21 +85,31 @@ def body_boundaries(
         StabilityError: the contact is unknown, or no stiffness is stable with the scenario's operator.
     """
     contact, run, row = contact_of(s)
-    stiffness, loop = contact.static_stiffness, contact.loop
+    stiffness, full = contact.static_stiffness, contact.loop
     choice = s.object.body
     assert choice is not None
     holds_across = choice.options.get("static_friction", 0.0) > 0.0 or len(choice.contact_points) > 1
-    across = len(loop.normal) > 1 and holds_across
-    if not across and len(loop.normal) > 1:
-        loop = loop.along_normal(device_loop(s, run.trace, row, contact.normal, False).path)
+    across = len(full.normal) > 1 and holds_across
+
+    def loop_with(arm: HumanArm | None = None) -> _Loop:
+        def path(across: bool) -> control.StateSpace:
+            return device_loop(s, run.trace, row, contact.normal, across, arm=arm).path
+
+        if across or len(full.normal) == 1:
+            return full if arm is None else replace(full, path=path(across))
+        if not isinstance(full, BodyLoop):
+            return full.along_normal(path(False))
+        along, whole = full.along_normal(path(False)), full if arm is None else replace(full, path=path(True))
+        return _HeldLoop(along, whole) if whole.radius() < 1.0 else along
+
     if not stiffness > 0.0:
         raise StabilityError("the body has no stiffness along its force where the run leaves the tip")
+    loop = loop_with()
     curves, never = {own: _boundary(loop, stiffness)}, []
     for index, (name, arm) in enumerate(others):
         progress((index + 1) / (len(others) + 1))
-        path = device_loop(s, run.trace, row, contact.normal, across, arm=arm).path
         try:
-            curves[name] = _boundary(replace(loop, path=path), stiffness)
+            curves[name] = _boundary(loop_with(arm), stiffness)
         except StabilityError:
             never.append(name)
     least = _interval(loop, curves[own].inside[0])[0]
@@ -101,7 +141,7 @@ def body_zwidth(s: Scenario, _simulated: bool, report: Callable[[str, float], No
     )
 
 
-def _boundary(loop: BodyLoop | MultirateLoop, stiffness: float) -> Boundary:
+def _boundary(loop: _Loop, stiffness: float) -> Boundary:
     """Return the boundary of a loop; `stiffness` is that of the body along the normal, N/m."""
     undamped = _interval(loop, 0.0)[1]
     largest = _largest_damping(loop, stiffness, undamped)
@@ -121,7 +161,7 @@ def _boundary(loop: BodyLoop | MultirateLoop, stiffness: float) -> Boundary:
     )
 
 
-def _largest_damping(loop: BodyLoop | MultirateLoop, stiffness: float, undamped: float) -> float:
+def _largest_damping(loop: _Loop, stiffness: float, undamped: float) -> float:
     """Return the largest damping with which some stiffness is stable, N s/m; 0: none."""
     good, bad = 0.0, stiffness * max(undamped, 1.0) * loop.period
     for _ in range(_DOUBLINGS):
@@ -134,7 +174,7 @@ def _largest_damping(loop: BodyLoop | MultirateLoop, stiffness: float, undamped:
     return good
 
 
-def _interval(loop: BodyLoop | MultirateLoop, damping: float) -> tuple[float, float]:
+def _interval(loop: _Loop, damping: float) -> tuple[float, float]:
     """Return the first interval of factors on the body's force, from soft to stiff, that is stable; (0, 0): none."""
 
     def stable(scale: float) -> bool:

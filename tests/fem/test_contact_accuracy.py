@@ -213,3 +213,19 @@ def test_the_error_on_a_thin_body_is_not_stated() -> None:
         assert (found.error is not None) == known
         assert any("the body is thin under the tip" in str(one.message) for one in told) != known
     assert found.error is not None
+
+
+@pytest.mark.parametrize("law", ["neo-hookean", "corotational"])
+def test_a_hyperelastic_press_smaller_than_its_cells_causes_a_warning(law: bodies.Law) -> None:
+    """Between the nodes of cells of 8 mm the force is 0.4 of Hertz', and that of four nodes."""
+    volume = bodies.block((0.08, 0.08, 0.04), 8e-3)
+    body = bodies.build(volume, young=10e3, fixed="z < 0.01 mm", touch="z > 39.9 mm").hyperelastic("1 ms", law=law)
+    with pytest.warns(bodies.BodyWarning, match=r"contact radius of about 2 mm is less than 0.38 times the distance"):
+        pressed = body.indent([0.044, 0.044, 0.04], 8e-3, 5e-4)
+    hertz = 4.0 / 3.0 * 10e3 / (1.0 - 0.45**2) * np.sqrt(8e-3) * 5e-4**1.5
+    assert pressed.nodes == 4
+    assert pressed.error is None
+    assert pressed.force[2] < 0.5 * hertz
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        body.indent([0.044, 0.044, 0.04], 8e-3, 2e-3)

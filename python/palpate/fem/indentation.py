@@ -150,18 +150,20 @@ class IndentableBody(CondensedBody):
     def _force_error(self, nodes: int, point: Array, radius: float, depth: float) -> float | None:
         """Return the relative error of a sphere's force by the mesh; None if it is not known."""
         by_distance = isinstance(self.core, _core.SignedDistanceBody)
-        if not (by_distance or self.kind.name == COMPLIANCE.name) or self.kind.contact_points:
-            return None
-        if not has_known_error(self.record) or not (by_distance or self.is_level(point, radius)):
-            return None
-        thin, shallow = self.is_thin_under(point, radius, depth), self.is_shallow_under(point, radius, depth)
-        if not thin and not shallow:
+        known = (
+            (by_distance or (self.kind.name == COMPLIANCE.name and self.is_level(point, radius)))
+            and has_known_error(self.record)
+            and not self.kind.contact_points
+        )
+        thin = known and self.is_thin_under(point, radius, depth)
+        shallow = self.is_shallow_under(point, radius, depth)
+        if known and not thin and not shallow:
             return force_error(nodes, signed_distance=by_distance)
         contact = f"the contact radius of about {1e3 * float(np.sqrt(radius * depth)):.2g} mm"
         problem = f"{contact} is less than 0.38 times the distance of the nodes (press deeper, or use a finer mesh)"
         if thin:
             problem = f"the body is thin under the tip, less than 1.8 times {contact}"
-        if thin or nodes >= _FEW:  # fewer cause a warning of their own
+        if thin or (shallow and nodes >= _FEW):  # fewer cause a warning of their own
             warnings.warn(f"depth: {problem}: the error of its force is not known", BodyWarning, stacklevel=3)
         return None
 

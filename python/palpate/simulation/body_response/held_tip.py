@@ -185,8 +185,8 @@ def check_solved(rows: Array, under: str, share: float = 0.0) -> None:
     if rows.shape[-1] > LOST and rows[..., LOST].any():
         raise StabilityError("the tip is pushed through the body: use a smaller force or a larger tip")
     raise StabilityError(
-        "the contact of the body is not solved in each tick, its tetrahedra are inverted, or too many nodes lie under "
-        f"{under}, or a coarser mesh"
+        "the contact of the body is not solved in each tick: tetrahedra of a hyperelastic or mass-spring body are "
+        f"inverted, or too many nodes lie under {under}, or a coarser mesh"
     )
 
 

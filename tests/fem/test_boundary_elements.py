@@ -251,8 +251,8 @@ def test_a_truncated_surface_is_refused_in_one_sentence(tmp_path: Path) -> None:
     mesh, source = surface(0.005), tmp_path / "block.stl"
     data = trimesh.Trimesh(1e3 * mesh.vertices, mesh.triangles).export(file_type="stl")
     source.write_bytes(data[:3000])
-    with pytest.raises(MeshError, match="not a readable stl file") as found:
-        fem.build_boundary(source, young=10e3, fixed=BOTTOM, unit="mm")
+    with pytest.raises(MeshError, match=r"not a readable stl file|no triangles that can be read") as found:
+        fem.build_boundary(source, young=10e3, fixed=BOTTOM, unit="mm")  # trimesh reads it as text with chardet, if any
     assert "module" not in str(found.value)
 
 

@@ -112,6 +112,7 @@ def test_a_uniform_body_has_the_modulus_of_its_material() -> None:
     assert coated.signed_distance()._layer_moduli() is coated._layer_moduli()  # computed once for all models of a body
 
 
+@nightly
 def test_tips_on_stiff_and_soft_skins_feel_the_force_of_axisymmetric_elements() -> None:
     """Skins thinner than the cells of 5 mm; with the modulus of the skin alone the forces are 15 to 68 % off."""
     rows = on_skin(5e-3, positions=5)
@@ -120,6 +121,7 @@ def test_tips_on_stiff_and_soft_skins_feel_the_force_of_axisymmetric_elements() 
         assert abs(row["deviation"]) < row["tolerance"], row["name"]
 
 
+@nightly
 def test_the_axisymmetric_reference_nears_hertz_and_a_rigid_punch_on_a_deep_cylinder() -> None:
     deep = LayeredCylinder(10e3, 10e3, 1e-3, radius=0.06, height=0.06)
     plane_strain = 10e3 / (1.0 - 0.45**2)

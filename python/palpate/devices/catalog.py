@@ -212,8 +212,8 @@ def _text(name_or_path: str | os.PathLike[str]) -> tuple[str, str]:
         )
     name = os.fspath(name_or_path)
     path = Path(name)
-    if name in _catalog():
-        return _catalog()[name], f"device {name}"
+    if (text := _catalog().get(name)) is not None:
+        return text, f"device {name}"
     if path.suffix != ".toml":
         close = difflib.get_close_matches(name, names(), 1)
         hint = f"did you mean {close[0]}? For" if close else "for"

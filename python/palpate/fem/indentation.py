@@ -88,9 +88,10 @@ class IndentableBody(CondensedBody):
 
         Inertia and creep are left out (`modal`, `viscoelastic`). An indentation from rest has no friction, except for
         `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
-        Fewer than four nodes in contact, a tip smaller than the distance of the nodes, a tip that overlaps a fixed or
-        held part of the surface, and a point farther from the surface than the radius cause a warning. So does, by
-        signed distance, a force that falls with the depth, or a deep tip (`softening`).
+        A mesh that is too coarse causes a warning: fewer than four nodes in contact, a tip smaller than their distance,
+        or a contact radius of less than 0.38 distances (`is_shallow`). So do a tip that overlaps a fixed or held part
+        of the surface, and a point farther from it than the radius. By signed distance, a force that falls with the
+        depth and a deep tip (`softening`) cause one too.
 
         Args:
             point: (3,), m or text such as "5 mm".
@@ -99,8 +100,8 @@ class IndentableBody(CondensedBody):
             tip: "sphere" or "flat".
 
         Returns:
-            The force on the tip (3,), N, the displacement of the contact nodes (n, 3), m, at equilibrium, the number of
-            nodes in contact, and the error of a sphere's force by the mesh alone (None if unknown).
+            At equilibrium: the force on the tip (3,), N, the displacement of the contact nodes (n, 3), m, their number
+            in contact, and the error of a sphere's force by the mesh alone (None if unknown).
 
         Raises:
             PoseError: the point is not three finite numbers.

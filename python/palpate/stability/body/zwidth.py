@@ -55,7 +55,7 @@ class _HeldLoop:
         return self.along.period
 
     def root(self, scale: float = 1.0, damping: float = 0.0) -> complex:
-        """Return the eigenvalue with the largest modulus of both loops, or one outside the unit circle."""
+        """Return the eigenvalue with the largest modulus of both loops, or of an unstable one along the normal."""
         along = self.along.root(scale, damping)
         return along if abs(along) >= 1.0 else max(along, self.across.root(scale, damping), key=abs)
 
@@ -92,8 +92,8 @@ def body_boundaries(
     across = len(full.normal) > 1 and holds_across
 
     def loop_with(arm: HumanArm | None = None) -> _Loop:
-        def path(across: bool) -> control.StateSpace:
-            return device_loop(s, run.trace, row, contact.normal, across, arm=arm).path
+        def path(in_all_directions: bool) -> control.StateSpace:
+            return device_loop(s, run.trace, row, contact.normal, in_all_directions, arm=arm).path
 
         if across or len(full.normal) == 1:
             return full if arm is None else replace(full, path=path(across))

@@ -19,6 +19,7 @@ from palpate.simulation.trace import Trace
 from palpate.simulation.verdict import OSCILLATES, State
 from palpate.stability import certify, contact_stability, zwidth
 from palpate.stability.body.certificate import _assumptions
+from palpate.stability.contact_loop import contact_at
 
 HAND = {"kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "200 N/m"}
 
@@ -249,20 +250,48 @@ def relaxing(time: str, **options: Any) -> dict[str, Any]:
     }
 
 
-def test_the_zwidth_of_a_beam_without_friction_ends_where_the_tip_slides_aside(tmp_path: Path) -> None:
-    """A stiffer beam pushes the tip off its bent surface. The curve ended 1.1 to 14 times beyond that stiffness."""
-    path = tmp_path / "beam.h5"
-    beam = fem.block((0.06, 0.009, 0.009), 0.0045)
-    fem.build(beam, young=20e3, fixed="x < 0.1 mm", touch="z > 8.9 mm", order=1, output=path)
-    tables = press(path, "compliance", 20.0, tip="sphere", radius="6 mm", origin=["45 mm", "4.5 mm", "9 mm"])
+@pytest.fixture(scope="module")
+def beam(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """60 x 9 x 9 mm of 20 kPa, held at one end, touched on its top."""
+    path = tmp_path_factory.mktemp("body") / "beam.h5"
+    shape = fem.block((0.06, 0.009, 0.009), 0.0045)
+    fem.build(shape, young=20e3, fixed="x < 0.1 mm", touch="z > 8.9 mm", order=1, output=path)
+    return path
+
+
+def press_beam(beam: Path, kind: str, scale: float, force: float) -> dict[str, Any]:
+    """A hand presses a sphere of 6 mm on the beam, off its end, with a force, N."""
+    tables = press(beam, kind, scale, tip="sphere", radius="6 mm", origin=["45 mm", "4.5 mm", "9 mm"])
     tables["object"]["position"] = ["0 mm", "0 mm", "-6.3 mm"]
-    tables["operator"]["force"] = ["0 N", "0 N", "-0.5 N"]
+    tables["operator"]["force"] = ["0 N", "0 N", f"{-force:g} N"]
+    return tables
+
+
+@pytest.mark.parametrize("kind", some(["compliance", "neo-hookean"], 1))
+def test_the_zwidth_of_a_beam_without_friction_ends_where_the_tip_slides_aside(kind: str, beam: Path) -> None:
+    """A stiffer beam pushes the tip off its bent surface. The curve ended 1.1 to 14 times beyond that stiffness."""
+    tables = press_beam(beam, kind, 20.0, 0.5)
     margin = certify(tables).margin
     assert margin["slide_margin"] < 0.9 * margin["gain_margin"]
     curve = next(iter(zwidth(tables).curves.values()))
     limit = margin["slide_margin"] * margin["static_stiffness_N_per_m"]
     assert curve.stiffness[0] == pytest.approx(limit, rel=1e-6)
     assert curve.damping[0] == 0.0
+
+
+def test_a_tip_slides_off_a_hyperelastic_beam_that_is_stiffer_than_its_slide_margin(beam: Path) -> None:
+    """The margin of motions along the normal is ten times as large. The hand adds what the stiffer beam takes."""
+
+    def run(factor: float) -> tuple[Scenario, Trace]:
+        tables = press_beam(beam, "neo-hookean", 50.0 * factor, 1.83 + 0.173 * factor)
+        tables["run"]["duration"] = "2 s"
+        scenario = Scenario.from_dict(tables)
+        return scenario, simulate(scenario)
+
+    scenario, trace = run(1.0)
+    found = contact_at(scenario, trace, len(trace) - 1)
+    assert found.slide_margin < 0.15 * found.stiffness_margin
+    assert [run(k * found.slide_margin)[1].verdict.state is State.SETTLED for k in (0.9, 1.2)] == [True, False]
 
 
 @pytest.mark.parametrize("time", some(["0.5 s", "2 s", "20 ms", "0.1 s", "5 s"], 2))

@@ -140,10 +140,12 @@ def body_of(
     """What the boundaries of a body are made of, without a run."""
     seen: dict[str, Any] = {"arms": []}
     loop = SimpleNamespace(
-        normal=np.ones(directions), path="own",
+        normal=np.ones(directions), path="own", radius=lambda: 2.0,
         along_normal=lambda path: seen.update(projected=path) or SimpleNamespace(normal=np.ones(1), path=path),
     )  # fmt: skip
-    monkeypatch.setattr(body, "replace", lambda one, path: SimpleNamespace(normal=one.normal, path=path))
+    monkeypatch.setattr(
+        body, "replace", lambda one, path: SimpleNamespace(normal=one.normal, path=path, radius=one.radius)
+    )
     found = SimpleNamespace(static_stiffness=static, loop=loop, normal="the normal", state=state)
     run = SimpleNamespace(trace="a trace", rests=rests)
     monkeypatch.setattr(body, "contact_of", lambda _s: (found, run, 17))
@@ -186,7 +188,8 @@ def test_the_boundaries_of_a_body_are_those_of_each_operator_along_the_normal_or
         assert shares == [0.25, 0.5, 0.75]
         projected = directions == 3 and not across
         assert curves["mine"].path == ("path of None" if projected else "own")
-        assert seen["arms"] == [(False, None)] * projected + [(across, arm) for arm in ("one", "lost", "two")]
+        whole = [False, True] if projected else [across]  # along the normal, and whether the arm holds the tip across
+        assert seen["arms"] == [(False, None)] * projected + [(d, arm) for arm in ("one", "lost", "two") for d in whole]
 
 
 @pytest.mark.parametrize(

@@ -160,7 +160,7 @@ def contact_at(
     alone = loop
     if len(loop.normal) > 1 and not held.holds_across:
         alone = loop.along_normal(device_loop(scenario, trace, row, normal, False, controller).path)
-        if isinstance(loop, BodyLoop) and loop.radius() < 1.0:
+        if loop.radius() < 1.0:
             return replace(judge(loop, alone, response, depth), slide_margin=stiffness_margin(loop.radius))
     return judge(loop, alone, response, depth)
 

@@ -21,7 +21,7 @@ from palpate.simulation.body_response.held_tip import HeldTip
 
 __all__ = ["MultirateResponse", "multirate_response"]
 
-_STEPS = (1e-3, 3e-4, 1e-4)  # displacement of the tip, relative to its radius: smaller ones drown in single precision
+_STEPS = (3e-3, 1e-3, 3e-4, 1e-4)  # displacement of the tip, relative to its radius: smaller ones drown in round-off
 _DECAYED = 1e-5  # correction of the last update, relative to the stiffness, that ends the record
 _RESTING = 1e-2  # change of it from update to update, relative to it, that does so: round-off remains
 _MOST_MOVING, _MOST_LEFT = 1e-2, 5e-2  # largest change, and correction, of the last update, relative to the stiffness
@@ -68,20 +68,16 @@ def multirate_response(held: HeldTip) -> MultirateResponse:
         StabilityError: the corrections do not decay from update to update.
     """
     every = held.every
-    step = _choose_step(held)
-    updates = _UPDATES
-    while True:
-        forth, back = _answers(held, step, updates * every)
+    for step in _steps(held):
+        forth, back = _decayed_answers(held, step)
         mean, size = 0.5 * (forth + back), float(np.linalg.norm(0.5 * (forth + back)[0], ord=2))
-        last = float(np.linalg.norm(mean[-every:], ord=2, axis=(1, 2)).max())
-        moving = float(np.linalg.norm(mean[-every:] - mean[-2 * every : -every], ord=2, axis=(1, 2)).max())
-        if last <= _DECAYED * size or moving <= _RESTING * last or updates >= _MOST_UPDATES:
+        last, moving = _ending(mean, every)
+        if moving <= _MOST_MOVING * size and last <= _MOST_LEFT * size:
             break
-        updates *= 2
-    if moving > _MOST_MOVING * size or last > _MOST_LEFT * size:
+    else:
         raise StabilityError(
-            f"the body's force has not settled {updates} updates after a displacement of the tip; the updates do not "
-            "converge there"
+            f"the body's force has not settled {len(mean) // every} updates after a displacement of the tip; the "
+            "updates do not converge there"
         )
     level = np.linalg.norm(mean, ord=2, axis=(1, 2)).reshape(-1, every).max(axis=1)
     kept = every * (1 + int(np.flatnonzero(level > max(_DECAYED * size, 2.0 * last)).max()))
@@ -89,20 +85,41 @@ def multirate_response(held: HeldTip) -> MultirateResponse:
     correction[0] = 0.0
     odd = np.abs(0.5 * (forth - back))
     error = odd[0] + odd[1:].sum(axis=0) / every + np.abs(mean[-every:]).max(axis=0)
-    lasting = 0.5 * sum(part[-every:].mean(axis=0) for part in _answers(held, step, 2 * updates * every, lasting=True))
+    lasting = 0.5 * sum(part[-every:].mean(axis=0) for part in _answers(held, step, 2 * len(mean), lasting=True))
     error += np.abs(lasting - mean[0] - correction.sum(axis=0) / every)
     asymmetry = float(odd.max()) / size
     return MultirateResponse(held.frame, mean[0], correction, lasting, every, error, asymmetry, held.nodes)
 
 
-def _choose_step(held: HeldTip) -> float:
-    """Return the step, m, whose opposite displacements are answered most alike."""
+def _steps(held: HeldTip) -> list[float]:
+    """Return steps, m, from that with the least difference of opposite displacements and the least answer left."""
     found = []
     for relative in _STEPS:
         forth, back = _answers(held, relative * held.radius, _UPDATES * held.every)
-        odd = float(np.abs(forth - back).max()) / max(float(np.abs(forth + back).max()), 1e-300)
-        found.append((odd, relative * held.radius))
-    return min(found)[1]
+        odd, mean = np.abs(forth - back).max(), np.abs(forth + back)
+        left = mean[-held.every :].max()  # of a solver that stops at its tolerance, the more the smaller the step
+        found.append(((odd + left) / max(mean.max(), 1e-300), relative * held.radius))
+    return [step for _, step in sorted(found)]
+
+
+def _decayed_answers(held: HeldTip, step: float) -> tuple[Array, Array]:
+    """Return `_answers` over as many updates as they take to decay or to come to rest, at most 48."""
+    updates = _UPDATES
+    while True:
+        forth, back = _answers(held, step, updates * held.every)
+        mean = 0.5 * (forth + back)
+        last, moving = _ending(mean, held.every)
+        decayed = last <= _DECAYED * np.linalg.norm(mean[0], ord=2)
+        if decayed or moving <= _RESTING * last or updates >= _MOST_UPDATES:
+            return forth, back
+        updates *= 2
+
+
+def _ending(mean: Array, every: int) -> tuple[float, float]:
+    """Return the largest norm of a response (n, 3, 3), N/m, in the last update, and of its change in it."""
+    last = np.linalg.norm(mean[-every:], ord=2, axis=(1, 2)).max()
+    moving = np.linalg.norm(mean[-every:] - mean[-2 * every : -every], ord=2, axis=(1, 2)).max()
+    return float(last), float(moving)
 
 
 def _answers(held: HeldTip, step: float, ticks: int, lasting: bool = False) -> tuple[Array, Array]:

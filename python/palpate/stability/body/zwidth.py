@@ -46,8 +46,8 @@ class _HeldLoop:
         across: motions in all directions.
     """
 
-    along: BodyLoop
-    across: BodyLoop
+    along: BodyLoop | MultirateLoop
+    across: BodyLoop | MultirateLoop
 
     @property
     def period(self) -> float:
@@ -97,8 +97,6 @@ def body_boundaries(
 
         if across or len(full.normal) == 1:
             return full if arm is None else replace(full, path=path(across))
-        if not isinstance(full, BodyLoop):
-            return full.along_normal(path(False))
         along, whole = full.along_normal(path(False)), full if arm is None else replace(full, path=path(True))
         return _HeldLoop(along, whole) if whole.radius() < 1.0 else along
 

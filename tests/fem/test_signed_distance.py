@@ -373,6 +373,23 @@ def test_two_tips_share_one_body(body: Body) -> None:
         body.simulate_tips(np.zeros((4, 9, 3)), [5e-3] * 9)
 
 
+def test_displacement_and_pressure_are_those_of_the_last_tips_whether_one_or_several(body: Body) -> None:
+    way = np.array([0.02, 0.02, TOP + 5e-3]) - np.linspace(0.0, 2e-3, 100)[:, None] * [0.0, 0.0, 1.0]
+    beside = way + np.array([5e-3, 0.0, 0.0])
+    body.simulate_path(way, 5e-3)
+    alone, pressure = body.displacement(), body.pressure()
+    two = body.simulate_tips(np.stack([way, beside], axis=1), [5e-3, 5e-3])
+    normal_force = body.contents.areas @ body.pressure()
+    assert normal_force == pytest.approx(sum(one.force[-1, 2] for one in two), rel=0.03)
+    assert np.linalg.norm(body.displacement() - alone) > 0.3 * np.linalg.norm(alone)
+    body.simulate_tips(way[:, None], [5e-3])
+    np.testing.assert_allclose(body.displacement(), alone, atol=1e-5 * np.abs(alone).max())
+    body.simulate_tips(np.stack([way, beside], axis=1), [5e-3, 5e-3])
+    body.simulate_path(way, 5e-3)
+    np.testing.assert_array_equal(body.displacement(), alone)
+    np.testing.assert_array_equal(body.pressure(), pressure)
+
+
 def test_a_tip_above_more_nodes_than_the_contact_has_is_named() -> None:
     fine = bodies.build(block((0.04, 0.04, 0.01), (2.4e-3, 2.4e-3, 5e-3)), young=10e3, fixed="z < 0.001 mm", order=1)
     assert len(fine.nodes) > 256

@@ -305,3 +305,25 @@ def test_a_grasp_at_rest_holds_the_nodes_of_any_selector() -> None:
         held = body.signed_distance().held(region).simulate_path(path, 8e-3).force
         changed = body.signed_distance().with_support_changes([{"at": "1 ms", "held": region}], "1 ms")
         assert changed.simulate_path(path, 8e-3).force == pytest.approx(held, abs=1e-6 * np.abs(held).max())
+
+
+def test_no_model_is_chosen_after_changes_or_contact_points(coarse: Body) -> None:
+    """They belong to a model, so they would be lost."""
+    changing = coarse.signed_distance().with_support_changes([{"at": "10 ms", "held": LEFT}], PERIOD)
+    tool = coarse.signed_distance().with_contact_points([["0 mm"] * 3, ["9 mm", "0 mm", "0 mm"]])
+    for body, method in ((changing, "with_support_changes"), (tool, "with_contact_points")):
+        for choose in (
+            lambda body: body.signed_distance(),
+            lambda body: body.viscoelastic(PERIOD, instantaneous_ratio=2.0, retardation_time="1 s"),
+            lambda body: body.mass_spring(PERIOD),
+            lambda body: body.hyperelastic(PERIOD),
+        ):
+            with pytest.raises(BodyError, match=f"choose the model before {method}"):
+                choose(body)
+        assert body.scaled_stiffness(2.0).with_friction(0.3).kind.supports == body.kind.supports
+
+
+def test_several_tips_on_a_body_whose_supports_change_are_refused_for_that_reason(coarse: Body) -> None:
+    changing = coarse.signed_distance().with_support_changes([{"at": "10 ms", "held": LEFT}], PERIOD)
+    with pytest.raises(BodyError, match="supports: several paths on a body whose supports change"):
+        changing.simulate_tips(down(1e-3, 5)[:, None], [RADIUS])

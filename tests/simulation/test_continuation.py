@@ -242,3 +242,51 @@ def test_a_run_on_a_mesh_with_friction_goes_on_too(block: Path) -> None:
     smooth = palpate.simulate(press(block, aside=0.0, object={**mesh, "surface": {"stiffness": "0.5 N/mm"}}))
     assert smooth.verdict.state is State.SETTLED
     assert moved(smooth) < SHIFTS * smooth.metadata["continued"]["band_m"]
+
+
+@pytest.fixture(scope="module")
+def drum(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A net of 30 x 30 mm of stretched springs, fixed at its border."""
+    path = tmp_path_factory.mktemp("body") / "drum.h5"
+    number = np.arange(49).reshape(7, 7)
+    points = 5e-3 * np.array([[i, j, 0] for i in range(7) for j in range(7)], dtype=float)
+    pairs = [number[:-1], number[1:]], [number[:, :-1], number[:, 1:]]
+    springs = np.vstack([np.column_stack([one.ravel(), two.ravel()]) for one, two in pairs])
+    a, b, c, d = (number[i : i + 6, j : j + 6].ravel() for i, j in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    border = np.any((points[:, :2] < 1e-6) | (points[:, :2] > 29.9e-3), axis=1)
+    options = {"rest_lengths": 5e-3 / 1.2, "damping": 0.02, "masses": 1e-4}
+    fem.build_springs(points, springs, stiffness=200.0, fixed=border, triangles=triangles, output=path, **options)
+    return path
+
+
+def test_a_tip_that_nothing_holds_is_followed_until_it_slides_off(drum: Path) -> None:
+    """It rests in unstable equilibrium over the middle of a net, and leaves it by 1.7 mm within 30 s."""
+    force = [[time, "0 N", "0 N", f"{-newton} N"] for time, newton in (("0 s", 0.0), ("1 s", 0.884512))]
+    push = [["1.3 s", "0 N", "0 N", "-0.884512 N"], ["1.302 s", "0.008845 N", "0 N", "-0.893357 N"]]
+    body = {"file": str(drum), "kind": "mass_spring", "origin": ["15 mm", "15 mm", "0 mm"], "radius": "6 mm"}
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"topology": "impedance_display"},
+        "operator": {
+            "kind": "arm", "mass": "0.15 kg", "damping": "4.5 N*s/m", "stiffness": "100 N/m",
+            "shape": "table", "table": [*force, *push, ["1.31 s", "0 N", "0 N", "-0.884512 N"]],
+        },
+        "object": {
+            "kind": "body",
+            "position": ["0 mm", "0 mm", "-6 mm"],
+            "body": {**body, "hardening_strain": 0.5, "stiffness_scale": 1.18},
+        },
+        "run": {"duration": "2.5 s"},
+    }  # fmt: skip
+    trace = palpate.simulate(tables)
+    assert np.ptp(trace["tip"][-250:], axis=0).max() < 1e-6
+    assert moved(trace) == pytest.approx(1.7e-3, abs=0.1e-3)
+    assert trace.verdict.state is State.UNDECIDED
+    assert "the tip moves on by 1.7 mm" in trace.verdict.reason
+    loop = palpate.Loop(tables)
+    loop.run()
+    verdict = loop.trace.verdict
+    assert verdict.state is State.UNDECIDED
+    assert "nothing holds the tip along the surface of the body" in verdict.reason

@@ -252,6 +252,22 @@ def test_a_loop_refuses_a_motion_that_its_tool_does_not_make(ridge: Path) -> Non
             attempt()
 
 
+def test_flat_tips_follow_no_rotation_that_tilts_them(ridge: Path) -> None:
+    """Their axis is the z of the body: a rotation about it moves them, any other would tilt them."""
+
+    def flat(degrees: tuple[float, float, float], **options: Any) -> Scenario:
+        rows = [["0 s", "0 deg", "0 deg", "0 deg"], ["0.2 s", *(f"{angle} deg" for angle in degrees)]]
+        return Scenario.from_dict(tables(ridge, {"rotation": rows}, tip="flat", **options))
+
+    for degrees, turned in (((5, 0, 0), "0 deg"), ((0, -5, 0), "0 deg"), ((0, 0, 5), "90 deg")):
+        with pytest.raises(ScenarioError, match="tool: rotation: flat tips do not tilt with the tool"):
+            flat(degrees, rotation=[turned, "0 deg", "0 deg"])
+    loop = Loop(flat((0, 0, 5)))
+    loop.run()
+    with pytest.raises(ScenarioError, match="flat tips do not tilt"):
+        loop.move_tool([0.1, 0.0, 0.0])
+
+
 def test_a_sweep_refuses_a_tool_that_moves(ridge: Path, tmp_path: Path) -> None:
     scenario = Scenario.from_dict(tables(ridge, MOVES[0]))
     with pytest.raises(SweepError, match=r"object.body.tool: a sweep judges cells under a tool at rest"):

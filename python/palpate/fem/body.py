@@ -37,7 +37,8 @@ class Body(IndentableBody):
     """Deformable body with n contact nodes: linear elastic and massless, until a method selects another model.
 
     Each method for a model returns a new body with that model. Its `period` is the duration of a tick, s or text. If
-    it gets no friction coefficients of its own, it keeps those of this body (see `with_friction`).
+    it gets no friction coefficients of its own, it keeps those of this body (see `with_friction`). It raises BodyError
+    after `with_contact_points` or `with_support_changes`, which belong to a model.
 
     With an `update_interval`, s or text, rounded to whole ticks, a body with a state runs at two rates: the whole model
     advances once per interval, and the ticks use its local model, as in `hyperelastic`. See
@@ -475,6 +476,9 @@ class Body(IndentableBody):
         dynamic_friction: float | str | None,
     ) -> Self:
         """Return a body with a model but without its core; coefficients that are None are those of this body."""
+        if self.kind.contact_points or self.kind.supports is not None:
+            later = "with_contact_points" if self.kind.contact_points else "with_support_changes"
+            raise BodyError(f"{name}: choose the model before {later}, which would be lost")
         friction = self.kind.friction
         if static_friction is not None:
             friction = friction_coefficients(static_friction, dynamic_friction)

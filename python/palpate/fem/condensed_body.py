@@ -22,6 +22,7 @@ from palpate.contact.pseudonormals import Pseudonormals
 from palpate.contact.simplices import area_vectors, boundary, parts_of_cells
 from palpate.fem.checks import point_of
 from palpate.fem.contact_accuracy import is_shallow, is_thin, node_distance
+from palpate.fem.curved_surface import CurvedSurface
 from palpate.fem.errors import BodyError
 from palpate.fem.layer_modulus import layer_moduli
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
@@ -62,6 +63,7 @@ class CondensedBody:
         self.kind = kind
         self.settling_period: float | None = None
         self.ramp_time = 0.0
+        self.last_core: _core.SignedDistanceBody | None = None  # of the last several tips; None after a single one
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -135,6 +137,11 @@ class CondensedBody:
     def _pseudonormals(self) -> Pseudonormals:
         """Normals of the contact surface."""
         return Pseudonormals(self.surface.vertices, self.surface.triangles)
+
+    @cached_property
+    def _curved_surface(self) -> CurvedSurface:
+        """The contact surface as contact by signed distance sees it."""
+        return CurvedSurface(self.surface.vertices, self.surface.triangles, self._pseudonormals)
 
     @cached_property
     def untouched_surface(self) -> Mesh | None:

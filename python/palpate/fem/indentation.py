@@ -217,14 +217,17 @@ class IndentableBody(CondensedBody):
                     f"the point lies {1e3 * other:.3g} mm from a part of the surface that is not touched, and "
                     f"{1e3 * distance:.3g} mm from the contact surface: take a point on the contact surface"
                 )
-        normal = self._pseudonormals.at(nearest, face)[0]
+        if self.kind.by_distance:
+            target, normal = self._curved_surface.at(nearest[0], int(face[0]))
+        else:
+            target, normal = nearest[0], self._pseudonormals.at(nearest, face)[0]
         thick = float(np.ptp(self.points @ normal))
         if deep > thick and not self.is_network:  # a membrane has no thickness
             raise BodyError(
                 f"depth: {1e3 * deep:.3g} mm exceeds the {1e3 * thick:.3g} mm of the body along the press: use a "
                 "smaller depth"
             )
-        return nearest[0], normal
+        return target, normal
 
     def _ramp(self, center: Array, normal: Array, deep: float, size: float, tip: TipShape) -> ContactHistory:
         """Press the tip in along a line that ends at `center` (3,), m; let a mass-spring model come to rest."""
@@ -360,7 +363,7 @@ class IndentableBody(CondensedBody):
 
     def _move(self, centers: Array, radius: float, *, outward: ArrayLike | None, tip: TipShape) -> ContactHistory:
         """Move the tip along a path (m, 3), m, from the present state; `outward` is (3,) or (m, 3)."""
-        axes = np.empty((0, 3)) if outward is None else directions(outward, centers.shape)
+        axes, self.last_core = np.empty((0, 3)) if outward is None else directions(outward, centers.shape), None
         rows = self.core.simulate_path(np.ascontiguousarray(centers), axes, radius, tip == "flat")
         if self.kind.by_distance:
             _warn_of_unsolved(rows)
@@ -389,6 +392,11 @@ class IndentableBody(CondensedBody):
             PoseError: the paths or segments have the wrong shape or a number that is not finite.
             BodyError: there are more than 8 tips, a radius is not positive, or the contact is not by signed distance.
         """
+        if self.kind.supports is not None:
+            raise BodyError(
+                "supports: several paths on a body whose supports change are not available: use "
+                "with_support_changes(None)"
+            )
         if not isinstance(self.core, _core.SignedDistanceBody):
             raise BodyError(
                 'several tips need the contact by signed distance: signed_distance(), or contact="signed_distance"'
@@ -407,7 +415,7 @@ class IndentableBody(CondensedBody):
         check_finite(axes, "segments")
         along = np.linalg.norm(axes, axis=1)
         axes = np.where(along[:, None] > 0.0, axes / np.maximum(along, 1e-300)[:, None], [0.0, 0.0, 1.0])
-        core = self._signed_distance_core(count, tool=False)
+        core = self.last_core = self._signed_distance_core(count, tool=False)
         rows = core.simulate_tips(centers, np.ascontiguousarray(axes), sizes, along)
         _warn_of_unsolved(rows.reshape(-1, rows.shape[2]))
         _warn_of_lost(rows[:, :, LOST] > 0.0)
@@ -418,7 +426,7 @@ class IndentableBody(CondensedBody):
 
         `indent` leaves no pressure in a body made by `modal` or `viscoelastic`.
         """
-        nodes, forces = self.core.contact_forces()
+        nodes, forces = (self.last_core or self.core).contact_forces()
         pressure = np.zeros(len(self.nodes))
         np.add.at(pressure, nodes, forces / self.contents.areas[nodes])  # two tips of a tool may press one node
         return pressure
@@ -434,9 +442,10 @@ class IndentableBody(CondensedBody):
             return np.asarray(self.core.displacement())[self.node_vertices]
         if isinstance(self.core, _core.MassSpringBody | _core.SupportedBody):
             return np.asarray(self.core.displacement())
-        nodes, forces = self.core.contact_forces()
+        core = self.last_core or self.core
+        nodes, forces = core.contact_forces()
         total = np.zeros(3 * len(self.nodes))
-        for node, force, friction in zip(nodes, forces, self.core.friction_forces(), strict=True):
+        for node, force, friction in zip(nodes, forces, core.friction_forces(), strict=True):
             total += self.compliance[:, 3 * node : 3 * node + 3] @ (friction - force * self.normals[node])
         return total.reshape(-1, 3)
 

@@ -35,7 +35,7 @@ from palpate.scenario.fields import (
     Whole,
     must,
 )
-from palpate.scenario.tool_motion import ToolMotion
+from palpate.scenario.tool_motion import ToolMotion, turned
 from palpate.units import parse_quantity, write
 
 
@@ -262,7 +262,7 @@ class BodyChoice(Section):
                 raise ValueError(f"contact_points: {mistake}")
         if self.tool is not None:
             try:
-                self.tool.check(self.contact_points, self.radius)
+                self.tool.check(self.contact_points, self.radius, self.flat_axis)
             except ValueError as mistake:
                 raise ValueError(f"tool: {mistake}") from None
         for key, option in KINDS[self.kind].items():
@@ -282,6 +282,14 @@ class BodyChoice(Section):
         if dynamic > static:
             raise ValueError(f"dynamic_friction: {dynamic:g} must not exceed static_friction ({static:g})")
         return self
+
+    @property
+    def flat_axis(self) -> tuple[float, float, float] | None:
+        """Axis of a flat tip, device frame; None of a sphere."""
+        if self.tip != "flat":
+            return None
+        x, y, z = turned((0.0, 0.0, 1.0), [self.rotation])[0].tolist()
+        return x, y, z
 
     def _check_supports(self, changes: tuple[SupportChoice, ...]) -> None:
         for_all = "held holds nodes of any kind over the whole run"

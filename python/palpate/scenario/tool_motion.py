@@ -16,6 +16,7 @@ from palpate.scenario.fields import Position3, Section
 from palpate.scenario.frame import AngleTable
 from palpate.units import parse_quantity, write
 
+_PARALLEL = 1e-9  # distance of two unit vectors below which they are parallel
 _EXAMPLE = '[["0 s", 1.0], ["1 s", 0.5]]'
 
 
@@ -42,6 +43,14 @@ def _text(rows: tuple[tuple[float, float], ...] | None) -> list[list[str | float
 OpeningTable = Annotated[tuple[tuple[float, float], ...], BeforeValidator(_openings), PlainSerializer(_text)]
 
 
+def turned(vector: ArrayLike, angles: ArrayLike) -> Array:
+    """Return a vector (3,) turned by angles about x, then y, then z (n, 3), rad: (n, 3)."""
+    points, each = np.array([vector], dtype=float), np.array(angles, dtype=float)
+    ticks = np.arange(len(each), dtype=float)
+    motion = _core.ToolMotion(points, points, np.column_stack([ticks, each, np.ones_like(ticks)]))
+    return np.asarray(motion.places(ticks)[:, 0])
+
+
 class ToolMotion(Section):
     """[object.body.tool]: a tool that turns about the device's tip, and a gripper that opens and closes.
 
@@ -63,10 +72,18 @@ class ToolMotion(Section):
             raise ValueError("closed_points is missing; opening needs the contact points of the closed tool")
         return self
 
-    def check(self, open_points: Sequence[Sequence[float]], radius: float) -> None:
-        """Raise ValueError unless the motion fits a tool's points at the opening 1 (k, 3), m; `radius` of tips, m."""
+    def check(self, open_points: Sequence[Sequence[float]], radius: float, axis: ArrayLike | None) -> None:
+        """Raise ValueError unless the motion fits a tool.
+
+        Args:
+            open_points: the tips at the opening 1 (k, 3), m.
+            radius: of the tips, m.
+            axis: of flat tips (3,), device frame, which the tool cannot tilt; None of spheres.
+        """
         if not open_points:
             raise ValueError("contact_points is missing; they are the tips of the tool")
+        if axis is not None and self._tilts(np.array(axis)):
+            raise ValueError("rotation: flat tips do not tilt with the tool; write several spheres as contact_points")
         if not self.closed_points:
             return
         if len(self.closed_points) != len(open_points):
@@ -79,6 +96,10 @@ class ToolMotion(Section):
                 f"closed_points: tips {pair[0]} and {pair[1]} come to the same place, or nearer than a tenth of their "
                 "radius; keep them apart"
             )
+
+    def _tilts(self, axis: Array) -> bool:
+        angles = np.array(self.rotation or ((0.0, 0.0, 0.0, 0.0),))[:, 1:]
+        return bool(np.abs(turned(axis, angles) - axis).max() > _PARALLEL)
 
     def core(self, open_points: ArrayLike) -> _core.ToolMotion:
         """Return the motion for the core, of a tool's points at the opening 1 (k, 3), m."""

@@ -13,6 +13,8 @@ from palpate.simulation.decision import MOST_CONTACTS, band_of
 from palpate.simulation.energy_balance import own_motions
 from palpate.simulation.evidence import evidence
 from palpate.simulation.friction_hold import friction_of
+from palpate.simulation.linear_contact import UNHELD
+from palpate.simulation.linear_evidence import linear_radii_of
 from palpate.simulation.recorded import Recorded, external_forces, held_tip, recorded_scenario
 from palpate.simulation.support_phase import last_change
 from palpate.simulation.windows import Window, windows
@@ -59,10 +61,10 @@ def _bounces(continued: Mapping[str, Any]) -> bool:
 def resting_window(trace: Recorded) -> tuple[Window, float] | None:
     """Return the window in which a tip rests that may move on, and its band, m.
 
-    It may behind a guard, on a mesh or body with dry friction, and on one without friction if its mean position still
-    shifts. The tip rests if its motion is within the band; with dry friction without encoder counts, also if it
-    decays. None if it does not, if objects, tools or supports of the scenario change by themselves, or if the drive
-    comes to its limits.
+    It may behind a guard, and on a mesh or body with dry friction. Without friction it may if its mean position still
+    shifts, or if nothing holds it along the surface, where its equilibrium may be unstable. The tip rests if its motion
+    is within the band; with dry friction without encoder counts, also if it decays. None if it does not, if objects,
+    tools or supports of the scenario change by themselves, or if the drive comes to its limits.
     """
     scenario = recorded_scenario(trace)
     if scenario is None or scenario.operator.kind == "fixed":
@@ -82,9 +84,14 @@ def resting_window(trace: Recorded) -> tuple[Window, float] | None:
     decays = rough and not scenario.device.encoder and bool(found.late[0] < found.prior[0])
     if not found.touching[0] > 0.0 or not (found.ripple[0] <= band or decays):
         return None
-    if smooth and scenario.guard.kind == "none" and not _shift(trace, window) > SLIDES * band:
+    if smooth and scenario.guard.kind == "none" and not (_shift(trace, window) > SLIDES * band or _unheld(trace)):
         return None
     return window, band
+
+
+def _unheld(trace: Recorded) -> bool:
+    """Return whether the linear loop at the rest of a run has slow motions along the surface that do not decay."""
+    return linear_radii_of(trace, recorded_scenario(trace))[1].startswith(UNHELD)
 
 
 def _shift(trace: Recorded, window: Window) -> float:

@@ -36,6 +36,7 @@ from palpate.simulation.decision import (
 )
 from palpate.simulation.drive_hold import drive_hold
 from palpate.simulation.evidence import evidence, interruption, is_one_sided, moved_until, pushed_through
+from palpate.simulation.linear_contact import UNHELD
 from palpate.simulation.linear_evidence import LinearRadii, linear_radii_of
 from palpate.simulation.recorded import (
     OneOfScene,
@@ -95,6 +96,8 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     if state is State.SETTLED and not _excited(trace):
         reason = "nothing excites the loop: give [reference] or [operator] a force"
         return Verdict(State.UNDECIDED, reason, linear=_text(linear))
+    if state is State.SETTLED and unknown.startswith(UNHELD) and "continued" not in trace.metadata:
+        return Verdict(State.UNDECIDED, f"it rests at the end, but {unknown}, and may slide off after the run")
     contact = scenario is not None and scenario.object.kind in ("mesh", "body")  # small motions are not all there
     if (
         state is State.SETTLED
@@ -381,7 +384,7 @@ def _inside(trace: Recorded, text: str) -> str:
     where, remedy = "it is between the nodes", "a finer mesh, a larger tip or another place"
     if depth_where_untouched(trace) > 0.0:
         where, remedy = "the surface is fixed, held or not touchable there", "another place"
-    elif scenario is not None and _by_distance(scenario):
+    elif scenario is not None and _by_distance(scenario) and trace["touching"].any():
         where, remedy = "the body has moved away from it", "another place"
     return f"{text}, {1e3 * deep:.2g} mm below the surface of the body at rest: {where}; use {remedy}"
 

@@ -21,7 +21,9 @@ from palpate.simulation.meshes import mesh_origin, touched_mesh
 from palpate.simulation.proxy_law import ProxyProbe
 from palpate.simulation.recorded import Recorded, without_trend
 
-__all__ = ["contact_radius", "swings_in_place"]
+__all__ = ["UNHELD", "contact_radius", "swings_in_place"]
+
+UNHELD = "nothing holds the tip along the surface"
 
 NORMALIZES = (
     "it divides by the stiffness, and the law from a body's motion to the scaled forces is not linear; judge and "
@@ -112,7 +114,7 @@ def _mesh_radius(trace: Recorded, scenario: Scenario, row: int) -> tuple[float |
     loop = _loop(trace, scenario, row, {"kind": "spring", "stiffness": "1 N/m"})
     radius, drifts = _radius(loop, law)
     if drifts and radius < 1.0:
-        return None, "nothing holds the tip along the surface of the mesh"
+        return None, f"{UNHELD} of the mesh"
     return radius, ""
 
 
@@ -140,7 +142,7 @@ def _body_radius(trace: Recorded, scenario: Scenario, row: int) -> tuple[float |
     if (low < 1.0) != (high < 1.0):
         return None, f"the loop is too near its limit for the error of the body's response (radius {radius:.6g})"
     if drifts and radius < 1.0:
-        return None, "nothing holds the tip along the surface of the body"
+        return None, f"{UNHELD} of the body"
     return radius, ""
 
 

@@ -307,7 +307,7 @@ class Loop:
             rows = np.vstack([rows, [at - self.period, *rows[-1, 1:]]])
         tool = choice.tool.following(np.vstack([rows, [at, *pose]]))
         try:
-            tool.check(choice.contact_points, choice.radius)
+            tool.check(choice.contact_points, choice.radius, choice.flat_axis)
         except ValueError as mistake:
             raise scenario.mistake("object.body.tool", str(mistake)) from None
         self._core.move_tool(pose[:3], pose[3])

@@ -1,0 +1,54 @@
+"""Quadratic surface through the vertices and normals of a triangle mesh: that of contact by signed distance."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from palpate.arrays import Array, Indices
+from palpate.contact.pseudonormals import Pseudonormals
+from palpate.contact.simplices import area_vectors, barycentric
+
+__all__ = ["CurvedSurface"]
+
+_SHARP = 0.82  # cosine between a triangle and the normal of its corner, below which the triangle stays flat: 35 degrees
+
+
+class CurvedSurface:
+    """Quadratic triangles (Nagata 2005) over triangles (k, 3) of points (n, 3), m, as in the core's `PatchPoints`.
+
+    A triangle is flat if one at its corners deviates from the corner's normal by more than 35 degrees.
+
+    Args:
+        flat: normals of the flat triangles.
+    """
+
+    def __init__(self, points: Array, triangles: Indices, flat: Pseudonormals) -> None:
+        self._points, self._triangles, self._flat = points, triangles, flat
+
+    def at(self, point: Array, face: int) -> tuple[Array, Array]:
+        """Return the point (3,), m, over a point of the flat triangle `face`, and the unit normal there (3,)."""
+        corners, normals = self._triangles[face], self._normals[self._triangles[face]]
+        if not np.linalg.norm(normals, axis=1).all():
+            return point, self._flat.at(point[None], np.array([face]))[0]
+        weights = barycentric(point[None], self._points[corners][None])[0]
+        curved = point.copy()
+        for one, two in ((0, 1), (1, 2), (2, 0)):
+            both = normals[one] + normals[two]
+            edge = self._points[corners[two]] - self._points[corners[one]]
+            curved -= weights[one] * weights[two] * ((normals[one] - normals[two]) @ edge) / (both @ both) * both
+        normal = weights @ normals
+        return curved, normal / np.linalg.norm(normal)
+
+    @cached_property
+    def _normals(self) -> Array:
+        """Unit normals of the points, weighted by area (n, 3); zero at points of sharp edges."""
+        areas = area_vectors(self._points, self._triangles)
+        total = np.zeros_like(self._points)
+        for corner in range(3):
+            np.add.at(total, self._triangles[:, corner], areas)
+        total /= np.maximum(np.linalg.norm(total, axis=1), np.finfo(float).tiny)[:, None]
+        aligned = np.einsum("ka,kca->kc", self._flat.of_faces, total[self._triangles])
+        total[self._triangles[aligned <= _SHARP]] = 0.0
+        return total

@@ -1,0 +1,67 @@
+"""Contact by signed distance measures its depth from the curved surface between the nodes, as it presses it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from palpate import fem
+from palpate.contact.mesh import Mesh
+from palpate.contact.pseudonormals import Pseudonormals
+from palpate.fem.curved_surface import CurvedSurface
+
+trimesh = pytest.importorskip("trimesh")
+
+
+def _points_on(triangles: np.ndarray, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return random faces (n,) and points (n, 3) on triangles with corners (k, 3, 3)."""
+    faces = rng.integers(len(triangles), size=count)
+    return faces, np.einsum("nc,ncd->nd", rng.dirichlet(np.ones(3), size=count), triangles[faces])
+
+
+def test_the_curved_surface_of_a_ball_lies_seven_times_nearer_to_it_than_its_facets() -> None:
+    ball, rng = trimesh.creation.icosphere(2, radius=1.0), np.random.default_rng(1)
+    curved = CurvedSurface(ball.vertices, ball.faces, Pseudonormals(ball.vertices, ball.faces))
+    faces, points = _points_on(ball.triangles, rng, 300)
+    found = [curved.at(point, int(face)) for point, face in zip(points, faces, strict=True)]
+    radii = np.linalg.norm([point for point, _ in found], axis=1)
+    sag = 1.0 - np.linalg.norm(points, axis=1)
+    assert sag.max() > 0.015
+    assert np.abs(radii - 1.0).max() < sag.max() / 7.0
+    cosines = [normal @ point / np.linalg.norm(point) for point, normal in found]
+    assert min(cosines) > np.cos(np.deg2rad(2.0))
+    assert [np.linalg.norm(normal) for _, normal in found] == pytest.approx([1.0] * 300)
+
+
+def test_flat_faces_and_sharp_edges_stay_where_they_are() -> None:
+    box, rng = trimesh.creation.box((1.0, 2.0, 3.0)).subdivide().subdivide(), np.random.default_rng(2)
+    curved = CurvedSurface(box.vertices, box.faces, Pseudonormals(box.vertices, box.faces))
+    faces, points = _points_on(box.triangles, rng, 300)
+    for point, face in zip(points, faces, strict=True):
+        place, normal = curved.at(point, int(face))
+        assert place == pytest.approx(point, abs=1e-12)
+        assert normal == pytest.approx(box.face_normals[face], abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def ball() -> fem.Body:
+    """Return a ball of 10 mm, bonded at its lower third, with cells of 4 mm."""
+    surface = trimesh.creation.icosphere(5, radius=10e-3)
+    mesh = Mesh(surface.vertices, surface.faces)
+    return fem.build(mesh, young="10 kPa", poisson=0.45, fixed="z < -3 mm", spacing="4 mm").signed_distance()
+
+
+@pytest.mark.filterwarnings("ignore::palpate.fem.BodyWarning")
+def test_a_press_of_a_coarse_ball_has_the_force_of_hertz_and_of_a_path_to_the_same_place(ball: fem.Body) -> None:
+    rng, radius, depth = np.random.default_rng(3), 6e-3, 1e-3
+    effective = 1.0 / (1.0 / radius + 1.0 / 10e-3)
+    hertz = 4.0 / 3.0 * 10e3 / (1.0 - 0.45**2) * np.sqrt(effective) * depth**1.5
+    pressed, moved = [], []
+    for _ in range(20):
+        out = rng.normal(size=3) * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.5]
+        out /= np.linalg.norm(out)
+        pressed.append(float(ball.indent(10e-3 * out, radius, depth).force @ out))
+        way = np.outer(10e-3 + radius - np.linspace(0.0, depth, 60), out)
+        moved.append(float(ball.simulate_path(way, radius).force[-1] @ out))
+    assert np.mean(pressed) / hertz == pytest.approx(1.0, abs=0.08)
+    assert 0.75 < min(pressed) / hertz < max(pressed) / hertz < 1.15
+    assert pressed == pytest.approx(moved, rel=0.1)

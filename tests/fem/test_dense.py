@@ -18,7 +18,7 @@ def random(rng: np.random.Generator, kind: type, *shape: int) -> NDArray[Any]:
     return np.asfortranarray(rng.standard_normal(shape).astype(kind))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(SIZES, st.integers(1, 40), SIZES, st.sampled_from([np.float64, np.float32]), st.integers(0, 2**32 - 1))
 def test_they_are_those_of_numpy(m: int, n: int, k: int, kind: type, seed: int) -> None:
     """Lower triangles of squares only: what lies above stays as it was."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nightly import some
 from palpate import fem as bodies
 from palpate.fem import Body, BodyError, block
 from palpate.fem.elements import Elements
@@ -49,7 +50,7 @@ def test_its_compliance_is_near_that_of_finite_elements(poisson: float) -> None:
     assert np.linalg.norm(found - solid.compliance) < 0.15 * np.linalg.norm(solid.compliance)
 
 
-@pytest.mark.parametrize(("poisson", "layer", "depth"), [(0.1, None, "6 mm"), (0.25, "2 mm = 2 kPa", "2 mm")])
+@pytest.mark.parametrize(("poisson", "layer", "depth"), some([(0.25, "2 mm = 2 kPa", "2 mm"), (0.1, None, "6 mm")]))
 def test_a_press_that_inverts_tetrahedra_is_refused(poisson: float, layer: str | None, depth: str) -> None:
     """The springs hold inverted cells, and negative pressures blow them up: forces of 5e84 N at a ratio of 0.1."""
     solid = block((0.04, 0.04, HEIGHT), 0.003, layers=["2 mm"])

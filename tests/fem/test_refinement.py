@@ -46,7 +46,7 @@ def longest_edges(volume: Volume) -> tuple[Any, Any]:
     st.floats(1.5e-3, 6e-3),
     st.floats(0.1, 1.0),
 )
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_a_refined_mesh_is_conforming_and_keeps_its_volume(
     place: tuple[float, ...], spacing: float, growth: float
 ) -> None:

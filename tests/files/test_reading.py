@@ -18,6 +18,7 @@ from palpate.scenario import Scenario
 from palpate.units import parse_quantity
 
 BASED = 'based_on = "slider"\n'
+LINEAR = 20.0  # s: quadratic time would be minutes
 
 
 @pytest.mark.parametrize(
@@ -41,7 +42,7 @@ def test_toml_of_any_structure_is_refused_in_linear_time(text: str, sentence: st
     began = time.process_time()
     with pytest.raises(ScenarioError, match=sentence):
         load_toml(text, ScenarioError, "file")
-    assert time.process_time() - began < 1.0
+    assert time.process_time() - began < LINEAR
 
 
 @pytest.mark.parametrize(
@@ -52,7 +53,7 @@ def test_a_long_line_costs_linear_time(line: str) -> None:
     with pytest.raises(ScenarioError):
         load_toml(line, ScenarioError, "file")
     find_line(line, ("a", "b"))
-    assert time.process_time() - began < 1.0
+    assert time.process_time() - began < LINEAR
 
 
 @pytest.mark.parametrize(
@@ -125,7 +126,7 @@ def test_a_thousand_misspelled_keys_are_refused_quickly() -> None:
         parse_device(BASED + lines, "file")
     with pytest.raises(ScenarioError, match='unknown key "k0"'):
         Scenario.from_text(lines)
-    assert time.process_time() - began < 3.0
+    assert time.process_time() - began < LINEAR
 
 
 def test_control_characters_of_a_message_are_shown_escaped() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from identify_data import premium_recording, short_recording
+from nightly import NIGHTLY
 from palpate import devices
 from palpate import identification as identify
 from palpate.errors import RecordingError
@@ -61,10 +62,13 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 
 
 def test_intervals_hold_the_truth_of_a_slider_with_dry_friction():
-    """36 intervals; a test function with a reversal in it biases all three parameters by more than their intervals."""
+    """Twelve intervals, nightly 36.
+
+    A test function with a reversal in it biases all three parameters by more than their intervals.
+    """
     device = devices.load("slider").with_friction(coulomb=[0.1])
     inside = []
-    for seed in range(12):
+    for seed in range(12 if NIGHTLY else 4):
         push = identify.multisine([0.39], (0.3, 6.0), lines=12, seed=seed, logarithmic=True)
         fit = identify.estimate_parameters(identify.simulate_experiment(device, push, seed=seed), device)
         inside.append((fit.low <= truth(fit, device)) & (truth(fit, device) <= fit.high))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from nightly import some
+from nightly import nightly, some
 from palpate import fem as bodies
 from palpate import simulate
 from palpate.errors import ScenarioError
@@ -160,6 +160,7 @@ def test_the_loop_feels_what_the_body_answers(block: Path, tip: str) -> None:
     assert (shown.pressure @ body.contents.areas) == pytest.approx(np.linalg.norm(trace["object_force"][-1]), rel=0.12)
 
 
+@nightly
 def test_a_body_with_inertia_that_relaxes_has_in_the_loop_the_forces_that_it_has_by_itself(block: Path) -> None:
     memory = {
         "density": "1000 kg/m^3",

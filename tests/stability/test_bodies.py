@@ -337,6 +337,7 @@ def test_a_body_with_modes_relaxation_and_friction_has_its_long_term_static_stif
     assert found.static_stiffness == pytest.approx(elastic.static_stiffness, rel=0.1)
 
 
+@nightly
 def test_a_body_that_relaxes_slowly_oscillates_like_one_of_its_instantaneous_stiffness(tmp_path: Path) -> None:
     """By signed distance, whose iterations leave a constant in the slow response: certified in spite of it."""
     path = tmp_path / "block.h5"

@@ -70,7 +70,7 @@ def test_exact_damping_against_every_motion_of_a_finite_length(stiffness: float,
     damping=st.floats(-2.0, 2.0),
     delay=st.floats(0.0, 4.0),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_sufficient_damping_suffices(stiffness: float, damping: float, delay: float) -> None:
     """K(n + 1/2)T + |B| is never less than what the wall needs, and exactly that without delay."""
     given_ = {"stiffness": stiffness, "virtual_damping": damping, "period": 0.7, "delay": delay}
@@ -87,7 +87,7 @@ def test_sufficient_damping_suffices(stiffness: float, damping: float, delay: fl
     share=st.floats(0.0, 0.99),
     hand=st.tuples(st.floats(-3, 1), st.floats(-3, 2), st.floats(0, 6)),
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_a_passive_wall_is_stable(
     mass: float, damping: float, period: float, delay: float, share: float, hand: tuple[float, float, float]
 ) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import palpate
 import pytest
+from nightly import nightly
 from palpate.cli.main import app
 from palpate.errors import OutputError, ScenarioError
 from palpate.report.sweep import sweep_page
@@ -178,6 +179,7 @@ def test_each_chunk_is_run_once_and_progress_counts_the_cells_that_are_done(
     assert said == [(f"{n} of {cells[-1]} cells", (i + 1) / len(todo)) for i, n in enumerate(cells)]
 
 
+@nightly
 def test_two_dask_workers_give_the_same_file_as_none(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
     slider = {**SLIDER, "run": {"duration": "1 s"}}

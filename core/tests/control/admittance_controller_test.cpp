@@ -95,7 +95,7 @@ TEST(AdmittanceController, TheEnergyOfAToolIsTheWorkOfTheForces) {
 
 // Law: at rest the wall's force is the operator's, and the tool is F/K deep, however stiff the wall is.
 TEST(AdmittanceController, APressedToolRestsAtForceOverStiffness) {
-  for (const double stiffness : {50.0, 5e3, 5e5, 5e8}) {
+  for (const double stiffness : {50.0, 5e5, 5e8}) {
     ArmSetup setup = display({0.15, 5.0});
     palpate::object::SpringWallParameters wall;
     wall.kind = SpringWall::Kind::half_space;

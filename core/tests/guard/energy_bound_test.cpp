@@ -103,7 +103,7 @@ double least_energy(int steps, double count, int delay, bool loses_samples = fal
 
 // Law: sum h_k dq_{k+1} >= -sum (b/T dq^2 + f_c |dq|) for any motion, of each joint or of all, with counts and with delays.
 TEST(EnergyBound, NoMotionTakesOutMoreThanTheFrictionDissipates) {
-  const int motions = 20'000 * rounds();
+  const int motions = 7'000 * rounds();
   EXPECT_GE(least_energy<Slider>(motions, 0.0, 0), -1e-12);
   EXPECT_GE(least_energy<Premium>(motions, 0.0, 0), -1e-12);
   EXPECT_GE(least_energy<Premium>(motions, 0.0, 3), -1e-12);

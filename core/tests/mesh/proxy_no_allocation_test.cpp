@@ -26,10 +26,10 @@ TEST(ProxyNoAllocation, StepAndMeshUpdate) {
       palpate::mesh::Proxy proxy = world.proxy(radius);
       long touching_ticks = 0;
       const long before = allocations;
-      for (int k = 0; k < 5000; ++k) {
-        const double a = 0.02 * k, b = 0.013 * k;
+      for (int k = 0; k < 1000; ++k) {
+        const double a = 0.1 * k, b = 0.065 * k;
         const palpate::math::Vector3<> motion(std::cos(a), std::sin(a), 0.8 * std::sin(b));
-        touching_ticks += proxy.step((0.48 + 0.1 * std::sin(0.11 * k)) * motion.normalized()).touching ? 1 : 0;
+        touching_ticks += proxy.step((0.48 + 0.1 * std::sin(0.55 * k)) * motion.normalized()).touching ? 1 : 0;
         if (k % 10 > 0) continue;
         const palpate::mesh::SurfaceAttachment attachment = proxy.attach();
         const std::int32_t v = k % static_cast<int>(ball.vertices.size());
@@ -39,8 +39,8 @@ TEST(ProxyNoAllocation, StepAndMeshUpdate) {
         proxy.reattach(attachment);
       }
       EXPECT_EQ(allocations - before, 0);
-      EXPECT_GT(touching_ticks, 1000);
-      EXPECT_LT(touching_ticks, 4900);
+      EXPECT_GT(touching_ticks, 200);
+      EXPECT_LT(touching_ticks, 980);
     }
   }
 }

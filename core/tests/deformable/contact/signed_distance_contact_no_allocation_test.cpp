@@ -22,15 +22,15 @@ TEST(SignedDistanceContactNoAllocation, InAnyStep) {
     const double above = tip.shape == TipGeometry::Shape::cylinder ? 10e-3 : 10e-3 + tip.radius;
     int touching = 0;
     const long before = allocations;
-    for (int k = 0; k < 1500; ++k) {
-      const double s = 0.02 * k;
+    for (int k = 0; k < 500; ++k) {
+      const double s = 0.06 * k;
       touching += contact.step(tip, {9e-3 * std::sin(s), 9e-3 * std::cos(0.7 * s), above - 2e-3 * std::sin(0.3 * s)}).touching ? 1 : 0;
     }
     for (int k = 0; k < 500; ++k) contact.step(tip, {0.0, 0.0, above - 3e-5 * k});
     contact.reset();
     EXPECT_EQ(allocations - before, 0);
-    EXPECT_GT(touching, 300);
-    EXPECT_LT(touching, 1400);
+    EXPECT_GT(touching, 100);
+    EXPECT_LT(touching, 470);
   }
 }
 
@@ -41,14 +41,14 @@ TEST(SignedDistanceContactNoAllocation, OnAFlexibleBody) {
     SignedDistanceContact contact(body.nodes, body.compliance, body.patches, {friction, friction});
     int touching = 0;
     const long before = allocations;
-    for (int k = 0; k < 1500; ++k) {
-      const double s = 0.02 * k;
+    for (int k = 0; k < 500; ++k) {
+      const double s = 0.06 * k;
       const Vector3<> center(9e-3 * std::sin(s), 9e-3 * std::cos(0.7 * s), 14e-3 - 2e-3 * std::sin(0.3 * s));
       touching += contact.step(TipGeometry::sphere(4e-3), center).touching ? 1 : 0;
     }
     contact.reset();
     EXPECT_EQ(allocations - before, 0);
-    EXPECT_GT(touching, 300);
+    EXPECT_GT(touching, 100);
   }
 }
 
@@ -67,8 +67,8 @@ TEST(SignedDistanceContactNoAllocation, WithFrictionMemoryAndTwoTips) {
     int touching = 0;
     double energy = 0.0;
     const long before = allocations;
-    for (int k = 0; k < 1500; ++k) {
-      const double s = 0.02 * k;
+    for (int k = 0; k < 500; ++k) {
+      const double s = 0.06 * k;
       const std::array<SignedDistanceContact::PlacedTip, 2> tips{
           {{TipGeometry::sphere(4e-3), {9e-3 * std::sin(s), 6e-3 * std::cos(0.7 * s), 14e-3 - 2e-3 * std::sin(0.3 * s)}},
            {TipGeometry::cylinder(4e-3, 1e-3, Vector3<>::UnitZ()), {-5e-3 * std::sin(s), 0.0, 10e-3 - 1e-3 * std::sin(0.2 * s)}}}};
@@ -77,7 +77,7 @@ TEST(SignedDistanceContactNoAllocation, WithFrictionMemoryAndTwoTips) {
     }
     contact.reset();
     EXPECT_EQ(allocations - before, 0);
-    EXPECT_GT(touching, 200);
+    EXPECT_GT(touching, 60);
     EXPECT_TRUE(std::isfinite(energy) && energy > 0.0);
   }
 }

@@ -48,18 +48,18 @@ TEST(BodyNoAllocation, InATickOfASlidingTip) {
     double friction = 0.0;
     int most = 0;
     const long before = allocations;
-    for (int k = 0; k < 3000; ++k) {
+    for (int k = 0; k < 600; ++k) {
       const double top = kind == palpate::deformable::Tip::Kind::sphere ? tip.radius : 0.0;
-      tip.center = {5e-3 * std::sin(0.01 * k), 4e-3 * std::cos(0.017 * k), top + 2e-3 * std::sin(0.05 * k)};
+      tip.center = {5e-3 * std::sin(0.05 * k), 4e-3 * std::cos(0.085 * k), top + 2e-3 * std::sin(0.25 * k)};
       const palpate::deformable::ContactResult& a = contact.step(tip);
       friction += rough.step(tip).friction.norm();
       pressed += a.touching ? 1 : 0;
       most = std::max(most, a.nodes);
     }
     EXPECT_EQ(allocations - before, 0);
-    EXPECT_GT(pressed, 1000);
+    EXPECT_GT(pressed, 200);
     EXPECT_GT(friction, 0.0);
-    EXPECT_LT(pressed, 2900);
+    EXPECT_LT(pressed, 580);
     EXPECT_GT(most, 15);
   }
 }
@@ -87,15 +87,15 @@ TEST(BodyNoAllocation, InAServoTickOnABody) {
     palpate::servo::Servo<Premium, palpate::object::BodyInstance> servo(setup, palpate::object::BodyInstance(placement));
     int touching = 0;
     const long before = allocations;
-    for (int k = 0; k < 3000; ++k) {
-      const Joints<3> q = pose + 0.02 * Joints<3>(std::sin(0.03 * k), std::cos(0.02 * k) - 1.0, std::sin(0.05 * k));
+    for (int k = 0; k < 600; ++k) {
+      const Joints<3> q = pose + 0.02 * Joints<3>(std::sin(0.15 * k), std::cos(0.1 * k) - 1.0, std::sin(0.25 * k));
       touching += servo.tick(q, Vector3<>::Zero()).touching ? 1 : 0;
     }
     EXPECT_EQ(allocations - before, 0);
-    EXPECT_GT(touching, 500);
-    EXPECT_LT(touching, 2800);
+    EXPECT_GT(touching, 100);
+    EXPECT_LT(touching, 560);
     ASSERT_TRUE(pressed.acquire());
-    EXPECT_EQ(pressed.value().tick, 2999);
+    EXPECT_EQ(pressed.value().tick, 599);
     EXPECT_EQ(pressed.value().count, servo.object().body().last().nodes);
   }
 }

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from palpate import fem
 from palpate.contact.mesh import Mesh
 from palpate.contact.pseudonormals import Pseudonormals
+from palpate.fem.contact_accuracy import node_distance
 from palpate.fem.curved_surface import CurvedSurface
 
 trimesh = pytest.importorskip("trimesh")
@@ -32,6 +35,15 @@ def test_the_curved_surface_of_a_ball_lies_seven_times_nearer_to_it_than_its_fac
     assert [np.linalg.norm(normal) for _, normal in found] == pytest.approx([1.0] * 300)
 
 
+def test_the_curvature_of_balls_and_hollows_is_that_of_their_radius() -> None:
+    ball = trimesh.creation.icosphere(2, radius=0.05)
+    for faces, sign in ((ball.faces, 1.0), (ball.faces[:, ::-1], -1.0)):
+        curved = CurvedSurface(ball.vertices, faces, Pseudonormals(ball.vertices, faces))
+        found = [curved.curvature(face) for face in range(len(faces))]
+        assert found == pytest.approx([sign / 0.05] * len(faces), rel=0.15)
+        assert np.mean(found) == pytest.approx(sign / 0.05, rel=0.03)
+
+
 def test_flat_faces_and_sharp_edges_stay_where_they_are() -> None:
     box, rng = trimesh.creation.box((1.0, 2.0, 3.0)).subdivide().subdivide(), np.random.default_rng(2)
     curved = CurvedSurface(box.vertices, box.faces, Pseudonormals(box.vertices, box.faces))
@@ -40,6 +52,7 @@ def test_flat_faces_and_sharp_edges_stay_where_they_are() -> None:
         place, normal = curved.at(point, int(face))
         assert place == pytest.approx(point, abs=1e-12)
         assert normal == pytest.approx(box.face_normals[face], abs=1e-9)
+        assert curved.curvature(int(face)) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -65,3 +78,16 @@ def test_a_press_of_a_coarse_ball_has_the_force_of_hertz_and_of_a_path_to_the_sa
     assert np.mean(pressed) / hertz == pytest.approx(1.0, abs=0.08)
     assert 0.75 < min(pressed) / hertz < max(pressed) / hertz < 1.15
     assert pressed == pytest.approx(moved, rel=0.1)
+
+
+def test_a_press_counts_as_shallow_by_the_effective_radius(ball: fem.Body) -> None:
+    """Spheres of 6 and 10 mm touch as one of 3.75 mm and a plane; a hollow that fits has no such sphere."""
+    top = np.array([0.0, 0.0, 10e-3])
+    assert ball.effective_radius(top, 6e-3) == pytest.approx(3.75e-3, rel=0.1)
+    distance = node_distance(ball.nodes, top)
+    flat_limit, ball_limit = ((0.38 * distance) ** 2 / radius for radius in (6e-3, 3.75e-3))
+    assert ball.is_shallow_under(top, 6e-3, 0.9 * ball_limit)
+    assert 0.9 * ball_limit > 1.2 * flat_limit
+    assert not ball.is_shallow_under(top, 6e-3, 1.1 * ball_limit)
+    inward = replace(ball.contents, triangles=ball.contents.triangles[:, ::-1])
+    assert type(ball)(inward).effective_radius(top, 12e-3) == np.inf

@@ -174,13 +174,22 @@ class CondensedBody:
 
     def is_thin_under(self, point: Array, radius: float, depth: float) -> bool:
         """Return whether the body is too thin, at the surface near a point (3,), m, for a known error (`is_thin`)."""
-        node = self.nearest_node(point)
+        node, effective = self.nearest_node(point), self.effective_radius(point, radius)
         inward = -self.normals[node]
-        return is_thin(radius, depth, self.depth_along(self.nodes[node] + 1e-6 * self.extent * inward, inward))
+        return is_thin(effective, depth, self.depth_along(self.nodes[node] + 1e-6 * self.extent * inward, inward))
 
     def is_shallow_under(self, point: Array, radius: float, depth: float) -> bool:
         """Return whether a sphere presses too little near a point (3,), m, for a known error (`is_shallow`)."""
-        return is_shallow(radius, depth, node_distance(self.nodes, point))
+        return is_shallow(self.effective_radius(point, radius), depth, node_distance(self.nodes, point))
+
+    def effective_radius(self, point: Array, radius: float) -> float:
+        """Return the radius of the sphere that meets a plane as one of `radius`, m, meets the surface near a point, m.
+
+        It is 1/(1/radius + H) with the mean curvature H of the surface (Hertz), and infinite in a hollow that fits.
+        """
+        face = int(self.surface.nearest(point[None])[1][0])
+        curvature = 1.0 / radius + self._curved_surface.curvature(face)
+        return 1.0 / curvature if curvature > 0.0 else np.inf
 
     def in_phase(self, number: int) -> CondensedBody:
         """Return the geometry of the body after a number of changes of its supports: its nodes are those not held."""

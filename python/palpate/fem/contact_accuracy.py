@@ -9,6 +9,10 @@ The estimate holds for spheres of at least the distance of the contact nodes. A 
 or none: of 200 random presses into each of three meshes, up to half exceeded it, by factors of up to 4.4. Flat ends are
 within 20 % from 0.8 of the distance on; below 0.6 their force is between zero and 1.8 times that of a punch.
 
+On balls of 10 and 20 mm with cells of 2.5 to 6 mm, 460 of 517 presses by spheres of 4 to 9 mm were within the estimate
+of Hertz' force, the others up to 9 points beyond. On a curved surface the contact radius is that of the effective
+radius (`CondensedBody.effective_radius`).
+
 Nor does it hold for shallow presses (`is_shallow`), of which there were none: with contact radii of 0.2 distances a
 sphere on a node of a block felt 9 to 39 % of Hertz' force, as the points of a node lie beside it.
 
@@ -64,7 +68,7 @@ def is_thin(radius: float, depth: float, thickness: float) -> bool:
     """Return whether a body is too thin for the error of a sphere's force to be known.
 
     Args:
-        radius: of the sphere, m.
+        radius: of the sphere, m; on a curved surface the effective one.
         depth: of its lowest point, m.
         thickness: of the body under it, m.
     """
@@ -75,7 +79,7 @@ def is_shallow(radius: float, depth: float, distance: float) -> bool:
     """Return whether a sphere presses too little for the error of its force to be known.
 
     Args:
-        radius: of the sphere, m.
+        radius: of the sphere, m; on a curved surface the effective one.
         depth: of its lowest point, m.
         distance: of the contact nodes, m (`node_distance`).
     """

@@ -41,6 +41,14 @@ class CurvedSurface:
         normal = weights @ normals
         return curved, normal / np.linalg.norm(normal)
 
+    def curvature(self, face: int) -> float:
+        """Return the mean curvature of a triangle, 1/m, positive where the surface is convex; 0 if it is flat."""
+        corners, normals = self._triangles[face], self._normals[self._triangles[face]]
+        if not np.linalg.norm(normals, axis=1).all():
+            return 0.0
+        edges, turns = (np.roll(at, -1, axis=0) - at for at in (self._points[corners], normals))
+        return float(np.mean(np.einsum("ej,ej->e", edges, turns) / np.einsum("ej,ej->e", edges, edges)))
+
     @cached_property
     def _normals(self) -> Array:
         """Unit normals of the points, weighted by area (n, 3); zero at points of sharp edges."""

@@ -160,7 +160,8 @@ class IndentableBody(CondensedBody):
         shallow = self.is_shallow_under(point, radius, depth)
         if known and not thin and not shallow:
             return force_error(nodes, signed_distance=by_distance)
-        contact = f"the contact radius of about {1e3 * float(np.sqrt(radius * depth)):.2g} mm"
+        touched = float(np.sqrt(self.effective_radius(point, radius) * depth))
+        contact = f"the contact radius of about {1e3 * touched:.2g} mm"
         problem = f"{contact} is less than 0.38 times the distance of the nodes (press deeper, or use a finer mesh)"
         if thin:
             problem = f"the body is thin under the tip, less than 1.8 times {contact}"

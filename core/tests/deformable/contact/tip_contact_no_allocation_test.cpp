@@ -48,18 +48,18 @@ TEST(BodyNoAllocation, InATickOfASlidingTip) {
     double friction = 0.0;
     int most = 0;
     const long before = allocations;
-    for (int k = 0; k < 600; ++k) {
+    for (int k = 0; k < 300; ++k) {
       const double top = kind == palpate::deformable::Tip::Kind::sphere ? tip.radius : 0.0;
-      tip.center = {5e-3 * std::sin(0.05 * k), 4e-3 * std::cos(0.085 * k), top + 2e-3 * std::sin(0.25 * k)};
+      tip.center = {5e-3 * std::sin(0.1 * k), 4e-3 * std::cos(0.17 * k), top + 2e-3 * std::sin(0.5 * k)};
       const palpate::deformable::ContactResult& a = contact.step(tip);
       friction += rough.step(tip).friction.norm();
       pressed += a.touching ? 1 : 0;
       most = std::max(most, a.nodes);
     }
     EXPECT_EQ(allocations - before, 0);
-    EXPECT_GT(pressed, 200);
+    EXPECT_GT(pressed, 100);
     EXPECT_GT(friction, 0.0);
-    EXPECT_LT(pressed, 580);
+    EXPECT_LT(pressed, 290);
     EXPECT_GT(most, 15);
   }
 }

@@ -23,6 +23,7 @@ CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     ("vertices", "triangles", "words"),
     [
         (np.empty((0, 3)), TETRAHEDRON, "vertices must be"),
+        ("organ.stl", TETRAHEDRON, r"vertices must be \(n, 3\) numbers in m, not str"),
         (CORNERS, np.empty((0, 3), dtype=int), "triangles must be"),
         (CORNERS, TETRAHEDRON.astype(float), "whole numbers"),
         (CORNERS[:, :2], TETRAHEDRON, "vertices must be"),

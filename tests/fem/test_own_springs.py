@@ -292,6 +292,7 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"fixed": "z < -1 m"}, "fixed: no vertex is fixed"),
     ({"triangles": [[0, 1, 99]]}, "triangles: row 0 names vertex 99"),
     ({"triangles": [[3, 3, 7]]}, "triangles: row 0 with vertices 3, 3, 7 has no area"),
+    ({"triangles": [[9, 10, 18], [10, 18, 9]]}, "triangles: the one with vertices 9, 10, 18 is given twice"),
     ({"triangles": [[0, 4, 16]]}, "triangles: all of their vertices are fixed"),
     ({"points": [[0.0, 0.0]]}, "points: two or more rows"),
 ]

@@ -217,7 +217,10 @@ class BodySurface(Mesh):
 
 def check_vertices(vertices: ArrayLike) -> Array:
     """Return vertices (n, 3), m, as an array. Raise MeshError if one is not finite."""
-    points = np.array(vertices, dtype=float, order="C")
+    try:
+        points = np.array(vertices, dtype=float, order="C")
+    except (TypeError, ValueError):
+        raise MeshError(f"vertices must be (n, 3) numbers in m, not {type(vertices).__name__}") from None
     if points.ndim != 2 or points.shape[1] != 3 or len(points) == 0:
         raise MeshError(f"vertices must be (n, 3) numbers in m, at least three of them; they are {points.shape}")
     bad = ~np.isfinite(points).all(axis=1)

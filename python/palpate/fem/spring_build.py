@@ -233,6 +233,10 @@ def _triangles(triangles: ArrayLike, x: Array) -> Indices:
     if (flat := area <= 1e-9 * longest**2).any():
         row = int(np.argmax(flat))
         raise BodyError(f"triangles: row {row} with vertices {', '.join(map(str, faces[row]))} has no area")
+    _, first, counts = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    if (counts > 1).any():
+        vertices = ", ".join(map(str, faces[first[np.argmax(counts > 1)]]))
+        raise BodyError(f"triangles: the one with vertices {vertices} is given twice")
     return faces
 
 

@@ -143,21 +143,20 @@ def test_a_spacing_chosen_for_a_tip_warns_of_several_moduli() -> None:
 
 
 TIPS = block((0.03, 0.03, 0.02), 0.005)
-FINE = bodies.build(block((0.03, 0.03, 0.02), 0.0025), young=8e3, fixed="z < 0.1 mm", touch="z > 19.9 mm")
-COARSE = bodies.build(TIPS, young=8e3, fixed="z < 0.1 mm", touch="z > 19.9 mm")
 
 
 def test_the_error_of_a_tip_between_the_nodes_is_not_known() -> None:
     """Half the distance of the nodes: the force is wrong by three times what the table says for as many nodes."""
-    point = [0.0175, 0.0175, 0.02]
+    point, solid = [0.0175, 0.0175, 0.02], {"young": 8e3, "fixed": "z < 0.1 mm", "touch": "z > 19.9 mm"}
+    fine, coarse = (bodies.build(block((0.03, 0.03, 0.02), step), **solid) for step in (0.0025, 0.005))
     with pytest.warns(BodyWarning, match=r"the tip of 2.5 mm is too small for contact nodes that are 5 mm apart there"):
-        press = COARSE.signed_distance().indent(point, "2.5 mm", "1.5 mm")
-    expected = FINE.signed_distance().indent(point, "2.5 mm", "1.5 mm").force[2]
+        press = coarse.signed_distance().indent(point, "2.5 mm", "1.5 mm")
+    expected = fine.signed_distance().indent(point, "2.5 mm", "1.5 mm").force[2]
     assert press.nodes == 4
     assert abs(press.force[2] / expected - 1.0) > 3.0 * (force_error(4, signed_distance=True) or 0.0)
     assert press.error is None
     with pytest.warns(BodyWarning, match=r"the tip of 3 mm is too small for contact nodes"):
-        COARSE.indent([0.015, 0.015, 0.02], "3 mm", "0.5 mm", tip="flat")
+        coarse.indent([0.015, 0.015, 0.02], "3 mm", "0.5 mm", tip="flat")
 
 
 @pytest.mark.parametrize("place", [[0.02, 0.02, 0.02], [0.0175, 0.0175, 0.02]])

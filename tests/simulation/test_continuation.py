@@ -242,6 +242,9 @@ def test_a_run_on_a_mesh_with_friction_goes_on_too(block: Path) -> None:
     smooth = palpate.simulate(press(block, aside=0.0, object={**mesh, "surface": {"stiffness": "0.5 N/mm"}}))
     assert smooth.verdict.state is State.SETTLED
     assert moved(smooth) < SHIFTS * smooth.metadata["continued"]["band_m"]
+    alone = judge(replace(smooth, metadata={key: of for key, of in smooth.metadata.items() if key != "continued"}))
+    assert alone.state is State.UNDECIDED
+    assert "nothing holds the tip along the surface of the mesh, and the tip may slide off after" in alone.reason
 
 
 @pytest.fixture(scope="module")
@@ -290,3 +293,28 @@ def test_a_tip_that_nothing_holds_is_followed_until_it_slides_off(drum: Path) ->
     verdict = loop.trace.verdict
     assert verdict.state is State.UNDECIDED
     assert "nothing holds the tip along the surface of the body" in verdict.reason
+
+
+def test_a_loop_whose_tip_shifts_is_not_settled_as_it_is_not_followed(tmp_path: Path) -> None:
+    """A constant force on a creeping block without friction: the run that goes on slides by 2 mm."""
+    path = tmp_path / "block.h5"
+    shape = fem.block((0.04, 0.04, 0.02), 0.004)
+    fem.build(shape, young=10e3, poisson=0.45, fixed="z < 0.1 mm", touch="z > 19.9 mm", output=path)
+    body = {"file": str(path), "kind": "viscoelastic", "contact": "signed_distance", "radius": "6 mm"}
+    creep = {"instantaneous_ratio": 2.0, "retardation_time": "50 ms", "origin": ["20 mm", "20 mm", "20 mm"]}
+    tables = {
+        "device": {"name": "phantom-premium-1.5a"},
+        "start": {"pose": ["0 rad", "2.2305 rad", "3.2776 rad"]},
+        "servo": {"period": "1 ms", "topology": "impedance_display"},
+        "operator": {"kind": "force", "shape": "ramp", "rise": "0.1 s", "force": ["0 N", "0 N", "-0.3 N"]},
+        "object": {"kind": "body", "position": ["0 mm", "0 mm", "-6 mm"], "body": {**body, **creep}},
+        "run": {"duration": "1 s"},
+    }
+    followed = palpate.simulate(tables)
+    assert moved(followed) > 1e-3
+    assert "the tip moves on by" in followed.verdict.reason
+    loop = palpate.Loop(tables)
+    loop.run()
+    np.testing.assert_array_equal(loop.trace["tip"], followed["tip"])
+    assert loop.trace.verdict.state is State.UNDECIDED
+    assert "its mean position still shifts, and the tip may slide off after the run" in loop.trace.verdict.reason

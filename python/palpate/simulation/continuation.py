@@ -25,7 +25,7 @@ FAR: Final = 1.0  # m
 SHIFTS: Final = 0.1  # of the band of rest: way on that is stated
 SLIDES: Final = 1.0 / (5 * LATER)  # of the band, in a fifth: a steady shift that leaves it within `LATER` durations
 
-__all__ = ["LATER", "durations_on", "later_motion", "moves_on", "resting_window"]
+__all__ = ["LATER", "durations_on", "later_motion", "may_slide", "moves_on", "resting_window"]
 
 
 def durations_on(scenario: Scenario) -> int:
@@ -58,19 +58,22 @@ def _bounces(continued: Mapping[str, Any]) -> bool:
     return bool(continued.get("contacts", 0) > MOST_CONTACTS)
 
 
-def resting_window(trace: Recorded) -> tuple[Window, float] | None:
+def resting_window(trace: Recorded, unheld: bool | None = None) -> tuple[Window, float] | None:
     """Return the window in which a tip rests that may move on, and its band, m.
 
     It may behind a guard, and on a mesh or body with dry friction. Without friction it may if its mean position still
     shifts, or if nothing holds it along the surface, where its equilibrium may be unstable. The tip rests if its motion
     is within the band; with dry friction without encoder counts, also if it decays. None if it does not, if objects,
     tools or supports of the scenario change by themselves, or if the drive comes to its limits.
+
+    Args:
+        trace: of the run.
+        unheld: whether nothing holds the tip along the surface; None: the linear loop is evaluated.
     """
     scenario = recorded_scenario(trace)
     if scenario is None or scenario.operator.kind == "fixed":
         return None
-    rough = friction_of(scenario) > 0.0
-    smooth = not rough and any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values())
+    rough, smooth = friction_of(scenario) > 0.0, _is_smooth(scenario)
     if not smooth and not rough and scenario.guard.kind == "none":
         return None
     if trace.unstable_from is not None or len(trace.time) < 2:
@@ -84,9 +87,35 @@ def resting_window(trace: Recorded) -> tuple[Window, float] | None:
     decays = rough and not scenario.device.encoder and bool(found.late[0] < found.prior[0])
     if not found.touching[0] > 0.0 or not (found.ripple[0] <= band or decays):
         return None
-    if smooth and scenario.guard.kind == "none" and not (_shift(trace, window) > SLIDES * band or _unheld(trace)):
+    if (
+        smooth
+        and scenario.guard.kind == "none"
+        and not (_shift(trace, window) > SLIDES * band or (_unheld(trace) if unheld is None else unheld))
+    ):
         return None
     return window, band
+
+
+def may_slide(trace: Recorded, unheld: bool) -> bool:
+    """Return whether a tip that rests on a mesh or body without friction may slide on, and the run did not go on.
+
+    False of devices that share a body, whose loops are judged together.
+
+    Args:
+        trace: of the run.
+        unheld: as in `resting_window`.
+    """
+    scenario = recorded_scenario(trace)
+    if scenario is None or not {"continued", "object"}.isdisjoint(trace.metadata):
+        return False
+    smooth = _is_smooth(scenario) and scenario.guard.kind == "none"
+    return smooth and resting_window(trace, unheld) is not None
+
+
+def _is_smooth(scenario: Scenario) -> bool:
+    """Return whether a mesh or body without dry friction is touched."""
+    touched = any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values())
+    return touched and not friction_of(scenario) > 0.0
 
 
 def _unheld(trace: Recorded) -> bool:

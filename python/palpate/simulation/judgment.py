@@ -19,7 +19,7 @@ from palpate.simulation.bodies import (
     depth_without_contact,
     is_behind_fixed,
 )
-from palpate.simulation.continuation import moves_on
+from palpate.simulation.continuation import may_slide, moves_on
 from palpate.simulation.decision import (
     BAND,
     BEFORE,
@@ -96,8 +96,6 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     if state is State.SETTLED and not _excited(trace):
         reason = "nothing excites the loop: give [reference] or [operator] a force"
         return Verdict(State.UNDECIDED, reason, linear=_text(linear))
-    if state is State.SETTLED and unknown.startswith(UNHELD) and "continued" not in trace.metadata:
-        return Verdict(State.UNDECIDED, f"it rests at the end, but {unknown}, and may slide off after the run")
     contact = scenario is not None and scenario.object.kind in ("mesh", "body")  # small motions are not all there
     if (
         state is State.SETTLED
@@ -107,6 +105,10 @@ def judge(trace: Recorded, radius: float | None = None) -> Verdict:
     ):
         reason = f"one of {scenario.run.record_every} ticks is recorded, and an oscillation between them does not show"
         return Verdict(State.UNDECIDED, reason)
+    unheld = unknown.startswith(UNHELD)
+    if state is State.SETTLED and may_slide(trace, unheld):
+        why = unknown if unheld else "its mean position still shifts"
+        return Verdict(State.UNDECIDED, f"it rests at the end, but {why}, and the tip may slide off after the run")
     verdict = _explained(trace, scenario, final, found, state, linear)
     if scenario is not None and (changed := last_change(scenario)) is not None and final.constant:
         since = f"judged after the last change of supports, at {changed:g} s"

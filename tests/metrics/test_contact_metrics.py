@@ -180,7 +180,7 @@ def test_a_palpation_is_summed_sample_by_sample(
 ) -> None:
     """The overlap is looked for at 200 samples in contact at most, the first, the last and the deepest among them."""
     asked: list[Any] = []
-    monkeypatch.setattr(body_contact, "overlaps_fixed", lambda _trace, rows: asked.append(rows) or True)
+    monkeypatch.setattr(body_contact, "overlaps_untouched", lambda _trace, rows: asked.append(rows) or True)
     monkeypatch.setattr(body_contact, "has_known_mesh_error", lambda _trace, row: asked.append(row) or True)
     trace = random_trace(touching, scenario, **more)
     found = palpation_metrics(trace)
@@ -189,9 +189,9 @@ def test_a_palpation_is_summed_sample_by_sample(
     for key, value in expected.items():
         assert getattr(found, key) == (value if value is None else pytest.approx(value, rel=1e-9, abs=1e-15)), key
     assert set(asdict(found)) == {
-        *expected, "mesh_error", "over_fixed", "final_tip_forces", "tip_depth", "final_tip_depth", "softening",
+        *expected, "mesh_error", "over_untouched", "final_tip_forces", "tip_depth", "final_tip_depth", "softening",
     }  # fmt: skip
-    assert found.over_fixed is True
+    assert found.over_untouched is True
     choice = scenario.get("object", {}).get("body", {})
     kind, by_distance = choice.get("kind", "compliance"), choice.get("contact") == "signed_distance"
     known = kind in ("compliance", "viscoelastic", "modal", "signed_distance")
@@ -206,7 +206,7 @@ def test_a_palpation_is_summed_sample_by_sample(
 
 
 def test_a_body_is_palpated_in_two_samples_at_least(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(body_contact, "overlaps_fixed", lambda _trace, _rows: False)
+    monkeypatch.setattr(body_contact, "overlaps_untouched", lambda _trace, _rows: False)
     touching = np.zeros(N)
     touching[40] = 1.0
     assert palpation_metrics(random_trace(touching, {})) is None
@@ -215,7 +215,7 @@ def test_a_body_is_palpated_in_two_samples_at_least(monkeypatch: pytest.MonkeyPa
     with np.errstate(divide="ignore"):
         found = palpation_metrics(flat)
     assert found is not None
-    assert (found.touches, found.stiffness, found.over_fixed) == (2, 0.0, False)
+    assert (found.touches, found.stiffness, found.over_untouched) == (2, 0.0, False)
     assert palpation_metrics(random_trace(touching, {}, contact_nodes=None)) is None
 
 
@@ -301,7 +301,7 @@ def test_names_of_a_palpation_end_with_their_unit() -> None:
         "touches", "deepest_m", "deepest_force_N", "stiffness_N_per_m", "nodes", "mesh_error", "path_m",
         "path_stiffness_median_N_per_m", "path_stiffness_max_N_per_m", "work_J", "stored_J", "saved_J", "at_start_J",
         "lost_J", "held_J", "final_deflection_m", "final_force_N", "final_swing_N", "touching_at_end", "unsolved",
-        "contact_lost", "over_fixed", "final_tip_forces_N", "tip_depth_m", "final_tip_depth_m", "softening",
+        "contact_lost", "over_untouched", "final_tip_forces_N", "tip_depth_m", "final_tip_depth_m", "softening",
         "settled",
     ]  # fmt: skip
     assert list(found.values())[:-1] == list(values.values())

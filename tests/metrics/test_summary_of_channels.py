@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from palpate.fem.indentation import OVERLAPS_FIXED
+from palpate.fem.indentation import OVERLAPS_UNTOUCHED
 from palpate.metrics import summarize, summary
 from palpate.metrics.body_contact import PalpationMetrics
 from palpate.metrics.mesh_contact import SlidingMetrics
@@ -270,7 +270,7 @@ def palpation(**values: Any) -> PalpationMetrics:
         "deepest_force": 0.5,
         "nodes": 9,
         "mesh_error": None,
-        "over_fixed": False,
+        "over_untouched": False,
         "tip_depth": None,
         "final_tip_depth": None,
         "softening": None,
@@ -320,9 +320,9 @@ UNKNOWN = "; the error of that force by the mesh is not known"
             "finer mesh or a larger tip",
         ),
         (
-            {"nodes": 1, "over_fixed": True},
+            {"nodes": 1, "over_untouched": True},
             f"{BEGINS} (largest force 0.75 N), rests in contact at the end; only 1 node carries that force: take a "
-            f"finer mesh or a larger tip; the tip {OVERLAPS_FIXED}",
+            f"finer mesh or a larger tip; the tip {OVERLAPS_UNTOUCHED}",
         ),
         (
             {"nodes": 4, "unsolved": 5, "contact_lost": 6},

@@ -15,7 +15,7 @@ from palpate.simulation import build_simulation
 from palpate.simulation.bodies import (
     has_known_mesh_error,
     origin_of,
-    overlaps_fixed,
+    overlaps_untouched,
     place_body,
     pressed_at,
     scenario_body,
@@ -253,7 +253,7 @@ def body_numbers(block: Path, name: str) -> dict[str, Any]:
         "pressed": [[one.tip, sums(one.displacement), sums(one.pressure[:, None])] for one in pressed],
         "surface": [
             has_known_mesh_error(trace, -1),
-            overlaps_fixed(trace, np.array([0, 300])),
+            overlaps_untouched(trace, np.array([0, 300])),
             surface_normal(trace, -1),
         ],
         "place": [origin, turn, origin_of(choice, body)],

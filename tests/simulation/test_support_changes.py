@@ -189,7 +189,8 @@ def test_a_certificate_needs_no_table_of_the_run(block: Path) -> None:
 def test_a_run_names_an_overlap_with_what_is_held_at_its_end(block: Path) -> None:
     under = ["x < 17 mm"]
     told = [
-        "overlaps a fixed or held part" in summarize(simulate(press(block, supports=supports)))["verdict"]
+        "overlaps a part of the surface that is fixed"
+        in summarize(simulate(press(block, supports=supports)))["verdict"]
         for supports in ([], [{"at": "0.5 s", "held": under}])
     ]
     assert told == [False, True]

@@ -15,7 +15,7 @@ from palpate.simulation import friction_hold, linear_contact
 from palpate.simulation.bodies import (
     has_known_mesh_error,
     origin_of,
-    overlaps_fixed,
+    overlaps_untouched,
     place_body,
     pressed_at,
     scenario_body,
@@ -88,19 +88,19 @@ def test_a_tip_overlaps_what_is_fixed_where_it_is_near_the_foot_of_the_body(
     scenario = scenario_of(block)
     run = at([[0.012, 0.011, 0.0149], [-0.0029, 0.011, 0.0005], [-0.0029, 0.011, 0.0055]], scenario)
     for rows, expected in (([0, 1], False), ([2], True), ([0, 1, 2], True), ([3], True), ([1, 3], True)):
-        near = scenario_body(scenario).overlaps_fixed(
+        near = scenario_body(scenario).overlaps_untouched(
             np.array([[0.012, 0.011, 0.0149], [-0.0029, 0.011, 0.0005], [-0.0029, 0.011, 0.0055]])[
                 np.array([row - 1 for row in rows if row])
             ],
             3e-3,
             None,
         )
-        assert overlaps_fixed(run, np.array(rows)) is bool(near.any())
+        assert overlaps_untouched(run, np.array(rows)) is bool(near.any())
         assert expected or not near.any()
     flat = scenario_of(block, "flat")
     asked: list[Any] = []
-    monkeypatch.setattr(fem.Body, "overlaps_fixed", lambda _, *given: asked.append(given) or np.array([True]))
-    assert overlaps_fixed(at([[0.012, 0.011, 0.006]], flat), np.array([1]))
+    monkeypatch.setattr(fem.Body, "overlaps_untouched", lambda _, *given: asked.append(given) or np.array([True]))
+    assert overlaps_untouched(at([[0.012, 0.011, 0.006]], flat), np.array([1]))
     centers, radius, axis = asked[0]
     np.testing.assert_allclose(centers, [[0.012, 0.011, 0.006]])
     assert (radius, axis.tolist()) == (3e-3, [0.0, 0.0, 1.0])
@@ -134,7 +134,7 @@ def test_a_quadratic_body_resolves_a_tip_that_spans_its_nodes(tmp_path: Path) ->
     fine.unlink()
     assert not has_known_mesh_error(run, 1)
     assert surface_normal(run, 1) is None
-    assert overlaps_fixed(run, np.array([0, 1])) is False
+    assert overlaps_untouched(run, np.array([0, 1])) is False
 
 
 def test_a_body_lies_at_the_position_of_its_origin_and_turned(block: Path) -> None:
@@ -269,7 +269,7 @@ def test_a_run_without_a_body_has_no_surface(block: Path) -> None:
     run = Trace.of([0.0, 1.0], {"tip": np.zeros((2, 3))}, metadata={"scenario": tables})
     assert surface_normal(run, 1) is None
     assert not has_known_mesh_error(run, 1)
-    assert not overlaps_fixed(run, np.array([0]))
+    assert not overlaps_untouched(run, np.array([0]))
 
 
 @pytest.mark.parametrize("friction", [0.3, 1.5])

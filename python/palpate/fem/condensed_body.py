@@ -29,7 +29,7 @@ from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 from palpate.fem.multifrontal import MultifrontalSolver
 from palpate.fem.spring_network import SpringNetwork, build_network, contact_patches, given_network, unstable_row
 from palpate.fem.storage import BodyData, read, write
-from palpate.fem.support_changes import HELD
+from palpate.fem.support_changes import DEFORMS, HELD
 from palpate.fem.volume import Volume
 
 CoreBody = (
@@ -44,6 +44,7 @@ CoreBody = (
 )
 _STIFF: Final = 10.0  # ratio of moduli from which material counts as fixed
 _DRAG: Final = 4.0  # largest negative pressure over the least shear modulus, where a column is 10 % too soft
+_FACING: Final = 0.5  # cosine between a normal and the direction to a tip above which a place faces the tip
 _LEVEL: Final = np.cos(np.radians(30.0))
 _LAYER_MODULI: Final[WeakKeyDictionary[BodyData, Array]] = WeakKeyDictionary()  # which the models of a body share
 
@@ -63,7 +64,7 @@ class CondensedBody:
         self.kind = kind
         self.settling_period: float | None = None
         self.ramp_time = 0.0
-        self.last_core: _core.SignedDistanceBody | None = None  # of the last several tips; None after a single one
+        self.last_core: CoreBody | None = None  # that acted last, in place of `core`: of several tips or of a press
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -159,6 +160,15 @@ class CondensedBody:
         vertices = np.unique(faces[~free])
         return mesh, cKDTree(self.points[vertices]) if len(vertices) else None
 
+    @cached_property
+    def _untouched_places(self) -> tuple[Array, Array]:
+        """Middles of the triangles and of their edges outside of the contact surface, m, and normals: (k, 3) each."""
+        corners = self.points[self.triangles[~self.contents.contact_triangles]]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)[:, None]
+        middles = [corners.mean(axis=1), *(0.5 * (corners[:, i] + corners[:, i - 1]) for i in range(3))]
+        return np.concatenate(middles), np.tile(normals, (4, 1))
+
     def is_level(self, center: Array, radius: float) -> bool:
         """Return whether the nodes in a sphere have the normal of the nearest surface point, within 30 degrees.
 
@@ -194,21 +204,53 @@ class CondensedBody:
     def in_phase(self, number: int) -> CondensedBody:
         """Return the geometry of the body after a number of changes of its supports: its nodes are those not held."""
         assert self.kind.supports is not None
-        free = self.kind.supports.roles(self.nodes)[number] != HELD
+        roles, nodes = self.kind.supports.roles(self.nodes)[number], self.contents.nodes
         fixed = self.contents.dirichlet.copy()
-        fixed[self._surface_vertices[self.contents.nodes[~free]]] = True
-        return CondensedBody(replace(self.contents, nodes=self.contents.nodes[free], dirichlet=fixed))
+        fixed[self._surface_vertices[nodes[roles == HELD]]] = True
+        deforms = np.isin(self.triangles, nodes[roles == DEFORMS]).all(axis=1)
+        contact = self.contents.contact_triangles & ~deforms
+        contents = replace(self.contents, nodes=nodes[roles != HELD], dirichlet=fixed, contact_triangles=contact)
+        return CondensedBody(contents)
 
-    def overlaps_fixed(self, centers: Array, radius: float, axis: Array | None = None) -> Flags:
-        """Return whether a rigid tip at each of `centers` (m, 3), m, overlaps the fixed or held contact surface (m,).
+    def overlaps_untouched(self, centers: Array, radius: float, axis: Array | None = None) -> Flags:
+        """Return whether rigid tips at `centers` (m, 3), m, are over a part of the surface without contact (m,).
 
-        No force acts there, so that on the tip is too small. An overlap of a thousandth of the radius does not count.
+        That is a fixed or held part, which it overlaps, or one outside of the contact surface that it would touch. No
+        force acts there, so that on the tip is too small.
 
         Args:
             centers: of a sphere, or of the flat end of a rod.
             radius: m.
             axis: unit vector along the rod, out of the body (3,); None: a sphere.
         """
+        return self._overlaps_fixed(centers, radius, axis) | self._overlaps_outside(centers, radius, axis)
+
+    def _overlaps_outside(self, centers: Array, radius: float, axis: Array | None) -> Flags:
+        """Return whether a tip would touch places outside of the contact surface that face it (m,).
+
+        The surface sinks in: a sphere touches it as far as half of its depth (Hertz).
+        """
+        places, normals = self._untouched_places
+        found = np.zeros(len(centers), dtype=bool)
+        if not len(places):
+            return found
+        nearest, faces = self.surface.nearest(centers)
+        height = np.einsum("ma,ma->m", centers - nearest, self._pseudonormals.at(nearest, faces))
+        for row, center in enumerate(centers):
+            offsets = center - places
+            if axis is None:
+                distance = np.linalg.norm(offsets, axis=1)
+                within = distance < 0.5 * (radius + height[row])
+                facing = np.einsum("ka,ka->k", offsets, normals) > _FACING * distance
+            else:
+                below = offsets @ axis
+                within = (below < -1e-3 * radius) & (np.linalg.norm(offsets - np.outer(below, axis), axis=1) < radius)
+                facing = normals @ axis > _FACING
+            found[row] = (within & facing).any()
+        return found
+
+    def _overlaps_fixed(self, centers: Array, radius: float, axis: Array | None) -> Flags:
+        """Return whether a tip overlaps the fixed or held contact surface by more than a thousandth of its radius."""
         mesh, tree = self._fixed_surface
         found = np.zeros(len(centers), dtype=bool)
         if tree is None:

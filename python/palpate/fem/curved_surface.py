@@ -8,7 +8,8 @@ import numpy as np
 
 from palpate.arrays import Array, Indices
 from palpate.contact.pseudonormals import Pseudonormals
-from palpate.contact.simplices import area_vectors, barycentric
+from palpate.contact.simplices import barycentric
+from palpate.fem.hat_functions import mean_normals
 
 __all__ = ["CurvedSurface"]
 
@@ -29,34 +30,32 @@ class CurvedSurface:
 
     def at(self, point: Array, face: int) -> tuple[Array, Array]:
         """Return the point (3,), m, over a point of the flat triangle `face`, and the unit normal there (3,)."""
-        corners, normals = self._triangles[face], self._normals[self._triangles[face]]
-        if not np.linalg.norm(normals, axis=1).all():
+        corners, normals = self._corners(face)
+        if not normals.any():
             return point, self._flat.at(point[None], np.array([face]))[0]
-        weights = barycentric(point[None], self._points[corners][None])[0]
+        weights = barycentric(point[None], corners[None])[0]
         curved = point.copy()
         for one, two in ((0, 1), (1, 2), (2, 0)):
-            both = normals[one] + normals[two]
-            edge = self._points[corners[two]] - self._points[corners[one]]
+            both, edge = normals[one] + normals[two], corners[two] - corners[one]
             curved -= weights[one] * weights[two] * ((normals[one] - normals[two]) @ edge) / (both @ both) * both
         normal = weights @ normals
         return curved, normal / np.linalg.norm(normal)
 
     def curvature(self, face: int) -> float:
         """Return the mean curvature of a triangle, 1/m, positive where the surface is convex; 0 if it is flat."""
-        corners, normals = self._triangles[face], self._normals[self._triangles[face]]
-        if not np.linalg.norm(normals, axis=1).all():
-            return 0.0
-        edges, turns = (np.roll(at, -1, axis=0) - at for at in (self._points[corners], normals))
+        edges, turns = (np.roll(at, -1, axis=0) - at for at in self._corners(face))
         return float(np.mean(np.einsum("ej,ej->e", edges, turns) / np.einsum("ej,ej->e", edges, edges)))
+
+    def _corners(self, face: int) -> tuple[Array, Array]:
+        """Return the corners of a triangle (3, 3), m, and their unit normals (3, 3); zeros if the triangle is flat."""
+        corners = self._triangles[face]
+        normals = self._normals[corners]
+        return self._points[corners], normals * np.linalg.norm(normals, axis=1).all()
 
     @cached_property
     def _normals(self) -> Array:
         """Unit normals of the points, weighted by area (n, 3); zero at points of sharp edges."""
-        areas = area_vectors(self._points, self._triangles)
-        total = np.zeros_like(self._points)
-        for corner in range(3):
-            np.add.at(total, self._triangles[:, corner], areas)
-        total /= np.maximum(np.linalg.norm(total, axis=1), np.finfo(float).tiny)[:, None]
-        aligned = np.einsum("ka,kca->kc", self._flat.of_faces, total[self._triangles])
-        total[self._triangles[aligned <= _SHARP]] = 0.0
-        return total
+        normals = mean_normals(self._points, self._triangles, np.arange(len(self._points)))
+        aligned = np.einsum("ka,kca->kc", self._flat.of_faces, normals[self._triangles])
+        normals[self._triangles[~(aligned > _SHARP)]] = 0.0
+        return normals

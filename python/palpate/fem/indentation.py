@@ -35,10 +35,11 @@ from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 _MAX_UNSETTLED = 10  # consecutive depths without equilibrium, each with hundreds of model updates
 _MAX_UPDATES = 200  # model updates at each depth
 NODES, SOLVED, LOST = 7, 9, 14  # columns of a row of the core: nodes in contact, forces found, contact lost
-OVERLAPS_FIXED: Final = (
-    "overlaps a fixed or held part of the surface, which does not push back, so its force is too small: press a radius "
-    "away from it"
+OVERLAPS_UNTOUCHED: Final = (
+    "overlaps a part of the surface that is fixed, held or not touched and does not push back, so its force is too "
+    "small: press a radius away from it"
 )
+_ASIDE: Final = 0.1  # of the radius by which a point off the contact surface moves without an error
 _FEW: Final = 4  # nodes in contact below which a press causes a warning
 _SIDEWAYS: Final = 0.5  # cosine between the force on a tip and the normal of a press below which it points sideways
 _INVERTED: Final = (
@@ -89,8 +90,8 @@ class IndentableBody(CondensedBody):
         Inertia and creep are left out (`modal`, `viscoelastic`). An indentation from rest has no friction, except for
         `mass_spring`, whose nodes also move sideways. Displacements are assumed small compared with body and tip.
         A mesh that is too coarse causes a warning: fewer than four nodes in contact, a tip smaller than their distance,
-        or a contact radius of less than 0.38 distances (`is_shallow`). So do a tip that overlaps a fixed or held part
-        of the surface, and a point farther from it than the radius. By signed distance, a force that falls with the
+        or a contact radius of less than 0.38 distances (`is_shallow`). So do a tip over a part of the surface
+        without contact, and a point farther from it than the radius. By signed distance, a force that falls with the
         depth and a deep tip (`softening`) cause one too.
 
         Args:
@@ -106,7 +107,8 @@ class IndentableBody(CondensedBody):
         Raises:
             PoseError: the point is not three finite numbers.
             BodyError: the point is farther from the body than the body's extent.
-            BodyError: the point lies nearer to a part of the surface that is not touched.
+            BodyError: the point lies nearer to a part of the surface that is not touched, and farther than a tenth of
+                the radius from the contact surface.
             BodyError: the depth is negative or exceeds the body along the press.
             BodyError: the radius is not positive or exceeds the body's extent.
             BodyError: the tip has another shape, or more than 128 nodes lie under it.
@@ -115,7 +117,9 @@ class IndentableBody(CondensedBody):
                 hyperelastic one finds no equilibrium.
         """
         if static := self._static_body():
-            return static.indent(point, radius, depth, tip=tip)
+            found = static.indent(point, radius, depth, tip=tip)
+            self.last_core = static.core
+            return found
         x = point_of(point)
         check_tip(tip)
         size, deep = positive(radius, "m", "radius"), indentation_depth(depth)
@@ -127,7 +131,9 @@ class IndentableBody(CondensedBody):
         else:
             history = self._ramp(center, normal, deep, size, tip)
         nodes, force, small = int(history.nodes[-1]), history.force[-1], unresolved(self.nodes, target, size, tip)
-        error = self._force_error(nodes, target, size, deep) if tip == "sphere" and not small else None
+        axis = None if tip == "sphere" else normal
+        over = deep > 0.0 and bool(self.overlaps_untouched(center[None], size, axis)[0])
+        error = self._force_error(nodes, target, size, deep) if tip == "sphere" and not small and not over else None
         if (apart := float(np.linalg.norm(target - x))) > size:
             at = row_of(1e3 * target)
             warnings.warn(
@@ -136,8 +142,8 @@ class IndentableBody(CondensedBody):
                 stacklevel=2,
             )
         if deep > 0.0:
-            if self.overlaps_fixed(center[None], size, None if tip == "sphere" else normal)[0]:
-                warnings.warn(f"the tip {OVERLAPS_FIXED}", BodyWarning, stacklevel=2)
+            if over:
+                warnings.warn(f"the tip {OVERLAPS_UNTOUCHED}", BodyWarning, stacklevel=2)
             check_resolved(force, normal, nodes, error, small)
             if self.kind.by_distance and (softer := softening(deep, size, tip)) is not None:
                 warnings.warn(
@@ -211,7 +217,7 @@ class IndentableBody(CondensedBody):
                 f"radius: {size:g} m is less than a thousandth of the depth of {deep:g} m: use a larger tip"
             )
         beside = self.untouched_surface
-        if beside is not None and distance > size:
+        if beside is not None and distance > _ASIDE * size:
             other = float(np.linalg.norm(beside.nearest(x[None])[0][0] - x))
             if other < distance:
                 raise BodyError(
@@ -423,10 +429,7 @@ class IndentableBody(CondensedBody):
         return [ContactHistory.of(rows[:, tip]) for tip in range(count)]
 
     def pressure(self) -> Array:
-        """Return the tip's pressure on each node's patch (n,), Pa, in the last tick.
-
-        `indent` leaves no pressure in a body made by `modal` or `viscoelastic`.
-        """
+        """Return the tip's pressure on each node's patch (n,), Pa, in the last tick or press."""
         nodes, forces = (self.last_core or self.core).contact_forces()
         pressure = np.zeros(len(self.nodes))
         np.add.at(pressure, nodes, forces / self.contents.areas[nodes])  # two tips of a tool may press one node
@@ -437,13 +440,13 @@ class IndentableBody(CondensedBody):
 
         A linear body gives the long-term displacement under the forces of the last tick. A mass-spring body at one rate
         and a body whose supports change give their current displacement, a hyperelastic body that of each node's vertex
-        at the last model update.
+        at the last model update. After `indent` it is that of the press.
         """
-        if isinstance(self.core, _core.HyperelasticBody):
-            return np.asarray(self.core.displacement())[self.node_vertices]
-        if isinstance(self.core, _core.MassSpringBody | _core.SupportedBody):
-            return np.asarray(self.core.displacement())
         core = self.last_core or self.core
+        if isinstance(core, _core.HyperelasticBody):
+            return np.asarray(core.displacement())[self.node_vertices]
+        if isinstance(core, _core.MassSpringBody | _core.SupportedBody):
+            return np.asarray(core.displacement())
         nodes, forces = core.contact_forces()
         total = np.zeros(3 * len(self.nodes))
         for node, force, friction in zip(nodes, forces, core.friction_forces(), strict=True):

@@ -12,7 +12,7 @@ from palpate.checks import MAX_TIPS
 from palpate.fem import force_error, softening
 from palpate.metrics.mesh_contact import LAST
 from palpate.scenario.tool_motion import ToolMotion
-from palpate.simulation.bodies import has_known_mesh_error, overlaps_fixed, tip_depths
+from palpate.simulation.bodies import has_known_mesh_error, overlaps_untouched, tip_depths
 from palpate.simulation.moving_frame import touching_tip, turned_to_object
 from palpate.simulation.recorded import recorded_scenario
 from palpate.simulation.tool_motion import tick_times
@@ -74,8 +74,9 @@ class PalpationMetrics:
         unsolved: number of samples whose contact force was not found: more than 128 nodes lie under the tip, or it
             inverts tetrahedra of the body or moves too far between two updates of its model.
         contact_lost: number of samples without contact inside the body, after the tip was pushed through.
-        over_fixed: whether the tip overlaps a fixed or held part of the surface, at the deepest deflection or at one of
-            200 other samples since the first contact. No force acts there, so the object force is too small.
+        over_untouched: whether the tip overlaps a part of the surface that is fixed, held or not touched, at the
+            deepest deflection or at one of 200 other samples since the first contact. No force acts there, so the
+            object force is too small.
         final_tip_forces: magnitudes of the forces of a tool's tips, each the mean over the last 0.1 s; () for one tip.
         tip_depth: of the tip below the surface at rest, at the moment of the deepest deflection (`tip_depths`); None if
             the body is no longer there.
@@ -103,7 +104,7 @@ class PalpationMetrics:
     touching_at_end: bool
     unsolved: int
     contact_lost: int
-    over_fixed: bool = False
+    over_untouched: bool = False
     final_tip_forces: tuple[float, ...] = ()
     tip_depth: float | None = None
     final_tip_depth: float | None = None
@@ -181,7 +182,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         touching_at_end=bool(contact[last].all()),
         unsolved=int(np.count_nonzero(solved[:, 0] == 0.0)),
         contact_lost=int(np.count_nonzero(trace["contact_lost"][first:] > 0.0)) if "contact_lost" in trace else 0,
-        over_fixed=overlaps_fixed(trace, np.append(some_samples(trace, first), first + at)),
+        over_untouched=overlaps_untouched(trace, np.append(some_samples(trace, first), first + at)),
         final_tip_forces=tuple(
             float(np.mean(np.linalg.norm(trace[name][first:][last], axis=1))) for name in _tip_forces(trace)
         ),

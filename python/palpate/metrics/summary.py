@@ -10,12 +10,12 @@ import numpy as np
 
 from palpate.contact.unfound import UNFOUND, unfound
 from palpate.devices.reach import near_limits
-from palpate.fem.indentation import OVERLAPS_FIXED
+from palpate.fem.indentation import OVERLAPS_UNTOUCHED
 from palpate.metrics.body_contact import FEW, PalpationMetrics, palpation_metrics, some_samples
 from palpate.metrics.mesh_contact import SlidingMetrics, sliding_metrics
 from palpate.scenario import Scenario
 from palpate.scenario.signal import Signal
-from palpate.simulation.bodies import overlaps_fixed, tip_depths
+from palpate.simulation.bodies import overlaps_untouched, tip_depths
 from palpate.simulation.continuation import moves_on
 from palpate.simulation.decision import BAND
 from palpate.simulation.drive_hold import drive_hold, motor_load
@@ -235,7 +235,7 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     found = palpation_metrics(trace)
     summary["palpation"] = None if found is None else found.to_dict()
     if found is None and trace.completed and "contact_nodes" in trace:
-        over = [f"the tip {OVERLAPS_FIXED}"] if overlaps_fixed(trace, some_samples(trace)) else []
+        over = [f"the tip {OVERLAPS_UNTOUCHED}"] if overlaps_untouched(trace, some_samples(trace)) else []
         return [*over, *_began(_initial_depth(trace), "body")]
     if found is None or not trace.completed:
         return []
@@ -263,8 +263,8 @@ def _on_body(summary: dict[str, Any], trace: Trace) -> list[str]:
     if found.nodes < FEW:
         few = "1 node carries" if found.nodes == 1 else f"{found.nodes} nodes carry"
         text += f"; only {few} that force: take a finer mesh or a larger tip"
-    if found.over_fixed:
-        text += f"; the tip {OVERLAPS_FIXED}"
+    if found.over_untouched:
+        text += f"; the tip {OVERLAPS_UNTOUCHED}"
     if found.unsolved and UNFOUND not in trace.verdict.reason:
         text += f"; {unfound(_samples(found.unsolved))}"
     if found.contact_lost:

@@ -98,8 +98,7 @@ class ToolMotion(Section):
             )
 
     def _tilts(self, axis: Array) -> bool:
-        angles = np.array(self.rotation or ((0.0, 0.0, 0.0, 0.0),))[:, 1:]
-        return bool(np.abs(turned(axis, angles) - axis).max() > _PARALLEL)
+        return bool(np.abs(turned(axis, self.rows()[:, 1:4]) - axis).max() > _PARALLEL)
 
     def core(self, open_points: ArrayLike) -> _core.ToolMotion:
         """Return the motion for the core, of a tool's points at the opening 1 (k, 3), m."""

@@ -75,12 +75,12 @@ def pressed_at(trace: Recorded, row: int) -> Pressed:
 def has_known_mesh_error(trace: Recorded, row: int) -> bool:
     """Return whether the error by the mesh is known for a trace's body, and its nodes resolve its tip at sample `row`.
 
-    False also if the body is no longer there.
+    False also if the body is no longer there, and where the tip overlaps a part of the surface without contact.
     """
     if (found := _recorded_body(trace)) is None:
         return False
     scenario, choice, body = found
-    if not has_known_error(body.record):
+    if not has_known_error(body.record) or overlaps_untouched(trace, np.array([row])):
         return False
     centers = _tips_in_body(trace, scenario, body, np.array([row]))[0]
     return all(
@@ -92,8 +92,8 @@ def has_known_mesh_error(trace: Recorded, row: int) -> bool:
     )
 
 
-def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
-    """Return whether the tip overlaps a fixed or held part of the surface of a trace's body at any of `rows` (m,).
+def overlaps_untouched(trace: Recorded, rows: Array) -> bool:
+    """Return whether the tip overlaps a part of the surface without contact of a trace's body at any of `rows` (m,).
 
     False also if the body is no longer there.
     """
@@ -104,7 +104,11 @@ def overlaps_fixed(trace: Recorded, rows: Array) -> bool:
     centers = _tips_in_body(trace, scenario, body, rows)
     phase = support_phase(scenario, trace.time[rows])
     for number in np.unique(phase):
-        if _in_phase(body, number).overlaps_fixed(centers[phase == number].reshape(-1, 3), choice.radius, axis).any():
+        if (
+            _in_phase(body, number)
+            .overlaps_untouched(centers[phase == number].reshape(-1, 3), choice.radius, axis)
+            .any()
+        ):
             return True
     return False
 

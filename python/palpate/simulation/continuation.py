@@ -74,7 +74,7 @@ def resting_window(trace: Recorded, unheld: bool | None = None) -> tuple[Window,
     if scenario is None or scenario.operator.kind == "fixed":
         return None
     rough, smooth = friction_of(scenario) > 0.0, _is_smooth(scenario)
-    if not smooth and not rough and scenario.guard.kind == "none":
+    if not (smooth or rough or scenario.guard.kind != "none"):
         return None
     if trace.unstable_from is not None or len(trace.time) < 2:
         return None
@@ -87,11 +87,7 @@ def resting_window(trace: Recorded, unheld: bool | None = None) -> tuple[Window,
     decays = rough and not scenario.device.encoder and bool(found.late[0] < found.prior[0])
     if not found.touching[0] > 0.0 or not (found.ripple[0] <= band or decays):
         return None
-    if (
-        smooth
-        and scenario.guard.kind == "none"
-        and not (_shift(trace, window) > SLIDES * band or (_unheld(trace) if unheld is None else unheld))
-    ):
+    if smooth and not (_shift(trace, window) > SLIDES * band or (_unheld(trace) if unheld is None else unheld)):
         return None
     return window, band
 
@@ -108,14 +104,13 @@ def may_slide(trace: Recorded, unheld: bool) -> bool:
     scenario = recorded_scenario(trace)
     if scenario is None or not {"continued", "object"}.isdisjoint(trace.metadata):
         return False
-    smooth = _is_smooth(scenario) and scenario.guard.kind == "none"
-    return smooth and resting_window(trace, unheld) is not None
+    return _is_smooth(scenario) and resting_window(trace, unheld) is not None
 
 
 def _is_smooth(scenario: Scenario) -> bool:
-    """Return whether a mesh or body without dry friction is touched."""
+    """Return whether a mesh or body is touched without dry friction and guard."""
     touched = any(one.object.kind in ("mesh", "body") for one in scenario.each_object.values())
-    return touched and not friction_of(scenario) > 0.0
+    return touched and scenario.guard.kind == "none" and not friction_of(scenario) > 0.0
 
 
 def _unheld(trace: Recorded) -> bool:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from palpate.fem import force_error
 from palpate.metrics import body_contact, mesh_contact
 from palpate.metrics.body_contact import PalpationMetrics, palpation_metrics, stiffness_along_path, work_so_far
 from palpate.metrics.mesh_contact import SlidingMetrics, _ripple_power, sliding_metrics
@@ -181,7 +180,7 @@ def test_a_palpation_is_summed_sample_by_sample(
     """The overlap is looked for at 200 samples in contact at most, the first, the last and the deepest among them."""
     asked: list[Any] = []
     monkeypatch.setattr(body_contact, "overlaps_untouched", lambda _trace, rows: asked.append(rows) or True)
-    monkeypatch.setattr(body_contact, "has_known_mesh_error", lambda _trace, row: asked.append(row) or True)
+    monkeypatch.setattr(body_contact, "mesh_error", lambda _trace, *at: asked.append(at) or 0.07)
     trace = random_trace(touching, scenario, **more)
     found = palpation_metrics(trace)
     assert found is not None
@@ -192,14 +191,11 @@ def test_a_palpation_is_summed_sample_by_sample(
         *expected, "mesh_error", "over_untouched", "final_tip_forces", "tip_depth", "final_tip_depth", "softening",
     }  # fmt: skip
     assert found.over_untouched is True
-    choice = scenario.get("object", {}).get("body", {})
-    kind, by_distance = choice.get("kind", "compliance"), choice.get("contact") == "signed_distance"
-    known = kind in ("compliance", "viscoelastic", "modal", "signed_distance")
     first = max(int(np.flatnonzero(touching)[0]) - 1, 0)
     deepest = first + int(np.argmax(np.linalg.norm(trace["deflection"][first:], axis=1)))
-    assert found.mesh_error == (force_error(found.nodes, signed_distance=by_distance) if known else None)
+    assert found.mesh_error == 0.07
     rows = asked.pop()
-    assert asked == ([deepest] if known else [])
+    assert asked == [(deepest, found.nodes)]
     count = min(len(touching) - first, 200)
     span = len(touching) - 1 - first
     assert rows.tolist() == [*(first + k * span // (count - 1) for k in range(count)), deepest]
@@ -217,29 +213,6 @@ def test_a_body_is_palpated_in_two_samples_at_least(monkeypatch: pytest.MonkeyPa
     assert found is not None
     assert (found.touches, found.stiffness, found.over_untouched) == (2, 0.0, False)
     assert palpation_metrics(random_trace(touching, {}, contact_nodes=None)) is None
-
-
-@pytest.mark.parametrize(
-    ("choice", "known"),
-    [
-        ({}, True),
-        ({"tip": "sphere", "kind": "signed_distance"}, True),
-        ({"tip": "flat"}, False),
-        ({"contact_points": [[0.0] * 3]}, False),
-        ({"kind": "mass_spring"}, False),
-    ],
-)
-def test_the_error_by_the_mesh_is_that_of_a_resolved_sphere(
-    choice: dict[str, Any], known: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    trace: Any = SimpleNamespace(scenario={"object": {"body": choice}})
-    resolved: list[Any] = [True]
-    monkeypatch.setattr(body_contact, "has_known_mesh_error", lambda _trace, row: resolved[0] and row == 3)
-    error = force_error(9, signed_distance=choice.get("kind") == "signed_distance")
-    assert force_error(9, signed_distance=True) != force_error(9, signed_distance=False)
-    assert body_contact._mesh_error(trace, 3, 9) == (error if known else None)
-    resolved[0] = False
-    assert body_contact._mesh_error(trace, 3, 9) is None
 
 
 @pytest.mark.parametrize(

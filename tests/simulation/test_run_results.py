@@ -13,7 +13,7 @@ from palpate import fem
 from palpate.scenario import Scenario
 from palpate.simulation import build_simulation
 from palpate.simulation.bodies import (
-    has_known_mesh_error,
+    mesh_error,
     origin_of,
     overlaps_untouched,
     place_body,
@@ -252,7 +252,7 @@ def body_numbers(block: Path, name: str) -> dict[str, Any]:
         "channels": {key: [one.unit, *sums(one.values)] for key, one in trace.channels.items()},
         "pressed": [[one.tip, sums(one.displacement), sums(one.pressure[:, None])] for one in pressed],
         "surface": [
-            has_known_mesh_error(trace, -1),
+            mesh_error(trace, -1, 9) is not None,
             overlaps_untouched(trace, np.array([0, 300])),
             surface_normal(trace, -1),
         ],

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from palpate import fem
 from palpate.errors import ScenarioError, StabilityError
+from palpate.fem import force_error
 from palpate.scenario import Scenario
 from palpate.simulation import friction_hold, linear_contact
 from palpate.simulation.bodies import (
-    has_known_mesh_error,
+    mesh_error,
     origin_of,
     overlaps_untouched,
     place_body,
@@ -28,6 +29,7 @@ from scipy.spatial.transform import Rotation
 TURN = Rotation.from_euler("xyz", [0.0, 0.0, 30.0], degrees=True).as_matrix()
 ORIGIN = np.array([0.012, 0.011, 0.012])
 PLACE = np.array([0.5e-3, 0.2e-3, -0.2e-3])
+TOOL = {"contact_points": [["0 mm", "0 mm", "0 mm"], ["9 mm", "0 mm", "0 mm"]]}
 POSITION = ("0.5 mm", "0.2 mm", "-0.2 mm")
 
 
@@ -122,17 +124,20 @@ def test_a_quadratic_body_resolves_a_tip_that_spans_its_nodes(tmp_path: Path) ->
     fine = build(tmp_path / "fine.h5", 2, 0.006)
     top = [[0.012, 0.011, 0.0235]]  # 0.5 mm deep
     large, small = (scenario_of(fine, radius=radius) for radius in ("12 mm", "0.5 mm"))
-    assert has_known_mesh_error(at(top, large), 1)
-    assert not has_known_mesh_error(at(top, small), 1)
-    assert not has_known_mesh_error(at([[0.001, 0.011, 0.0235]], large), 1)  # beside an edge
+    assert mesh_error(at(top, large), 1, 9) == force_error(9, signed_distance=False)
+    assert mesh_error(at(top, small), 1, 9) is None
+    assert mesh_error(at([[0.001, 0.011, 0.0235]], large), 1, 9) is None  # beside an edge
+    others: list[dict[str, Any]] = [{"tip": "flat"}, {"kind": "mass_spring"}, {"kind": "signed_distance", **TOOL}]
+    for other in others:
+        assert mesh_error(at(top, scenario_of(fine, radius="12 mm", **other)), 1, 9) is None
     linear = scenario_of(build(tmp_path / "linear.h5", 1, 0.006), radius="12 mm")
-    assert not has_known_mesh_error(at(top, linear), 1)
+    assert mesh_error(at(top, linear), 1, 9) is None
     firm = scenario_of(build(tmp_path / "firm.h5", 2, 0.006, surface_layer="6 mm = 50 kPa"), radius="12 mm")
-    assert not has_known_mesh_error(at(top, firm), 1)
+    assert mesh_error(at(top, firm), 1, 9) is None
     run = at(top, large)
     assert surface_normal(run, 1) is not None
     fine.unlink()
-    assert not has_known_mesh_error(run, 1)
+    assert mesh_error(run, 1, 9) is None
     assert surface_normal(run, 1) is None
     assert overlaps_untouched(run, np.array([0, 1])) is False
 
@@ -268,7 +273,7 @@ def test_a_run_without_a_body_has_no_surface(block: Path) -> None:
     tables["object"] = {"kind": "spring", "stiffness": "100 N/m"}
     run = Trace.of([0.0, 1.0], {"tip": np.zeros((2, 3))}, metadata={"scenario": tables})
     assert surface_normal(run, 1) is None
-    assert not has_known_mesh_error(run, 1)
+    assert mesh_error(run, 1, 9) is None
     assert not overlaps_untouched(run, np.array([0]))
 
 

@@ -21,7 +21,15 @@ from palpate.contact.mesh import BodySurface, Mesh
 from palpate.contact.pseudonormals import Pseudonormals
 from palpate.contact.simplices import area_vectors, boundary, parts_of_cells
 from palpate.fem.checks import point_of
-from palpate.fem.contact_accuracy import is_shallow, is_thin, node_distance
+from palpate.fem.contact_accuracy import (
+    fits_closely,
+    force_error,
+    has_known_error,
+    is_shallow,
+    is_thin,
+    node_distance,
+    sagitta,
+)
 from palpate.fem.curved_surface import CurvedSurface
 from palpate.fem.errors import BodyError
 from palpate.fem.layer_modulus import layer_moduli
@@ -188,18 +196,48 @@ class CondensedBody:
         inward = -self.normals[node]
         return is_thin(effective, depth, self.depth_along(self.nodes[node] + 1e-6 * self.extent * inward, inward))
 
-    def is_shallow_under(self, point: Array, radius: float, depth: float) -> bool:
-        """Return whether a sphere presses too little near a point (3,), m, for a known error (`is_shallow`)."""
-        return is_shallow(self.effective_radius(point, radius), depth, node_distance(self.nodes, point))
-
     def effective_radius(self, point: Array, radius: float) -> float:
         """Return the radius of the sphere that meets a plane as one of `radius`, m, meets the surface near a point, m.
 
         It is 1/(1/radius + H) with the mean curvature H of the surface (Hertz), and infinite in a hollow that fits.
         """
-        face = int(self.surface.nearest(point[None])[1][0])
-        curvature = 1.0 / radius + self._curved_surface.curvature(face)
+        curvature = 1.0 / radius + self.curvature_at(point)
         return 1.0 / curvature if curvature > 0.0 else np.inf
+
+    def curvature_at(self, point: Array) -> float:
+        """Return the mean curvature of the surface near a point (3,), m, in 1/m, positive where it is convex."""
+        return self._curved_surface.curvature(int(self.surface.nearest(point[None])[1][0]))
+
+    def mesh_doubt(self, point: Array, radius: float, depth: float) -> str:
+        """Return why the error by the mesh of a sphere's force near a point (3,), m, is not known; "" if it may be."""
+        effective = self.effective_radius(point, radius)
+        if np.isinf(effective):
+            return "the tip is as wide as the hollow of the surface"
+        contact = f"the contact radius of about {1e3 * float(np.sqrt(effective * depth)):.2g} mm"
+        if self.is_thin_under(point, radius, depth):
+            return f"the body is thin under the tip, less than 1.8 times {contact}"
+        distance, curvature = node_distance(self.nodes, point), self.curvature_at(point)
+        if is_shallow(effective, depth, distance):
+            return f"{contact} is less than 0.38 times the distance of the nodes (press deeper, or use a finer mesh)"
+        if fits_closely(sagitta(curvature, distance), depth, curvature, radius):
+            return "the mesh is too coarse for the hollow under the tip (press deeper, or use a finer mesh)"
+        return ""
+
+    def mesh_error(self, nodes: int, point: Array, radius: float, depth: float) -> float | None:
+        """Return the relative error by the mesh of a sphere's force (`force_error`); None if it is not known.
+
+        Args:
+            nodes: number of nodes in contact.
+            point: near which it presses (3,), m.
+            radius: of the sphere, m.
+            depth: of its lowest point below the surface at rest, m.
+        """
+        by_distance = self.kind.by_distance
+        known = depth > 0.0 and has_known_error(self.record) and not self.kind.contact_points
+        if not known or not (by_distance or self.is_level(point, radius)) or self.mesh_doubt(point, radius, depth):
+            return None
+        height = sagitta(self.curvature_at(point), node_distance(self.nodes, point))
+        return force_error(nodes, signed_distance=by_distance, sagitta=height / depth)
 
     def in_phase(self, number: int) -> CondensedBody:
         """Return the geometry of the body after a number of changes of its supports: its nodes are those not held."""

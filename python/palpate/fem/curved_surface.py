@@ -42,9 +42,14 @@ class CurvedSurface:
         return curved, normal / np.linalg.norm(normal)
 
     def curvature(self, face: int) -> float:
-        """Return the mean curvature of a triangle, 1/m, positive where the surface is convex; 0 if it is flat."""
-        edges, turns = (np.roll(at, -1, axis=0) - at for at in self._corners(face))
-        return float(np.mean(np.einsum("ej,ej->e", edges, turns) / np.einsum("ej,ej->e", edges, edges)))
+        """Return the mean curvature of a triangle, 1/m, positive where the surface is convex.
+
+        It is 0 beside a convex edge. In a hollow it is that of the normals of all corners, however sharp.
+        """
+        corners = self._triangles[face]
+        edges, turns = (np.roll(at, -1, axis=0) - at for at in (self._points[corners], self._means[corners]))
+        curvature = float(np.mean(np.einsum("ej,ej->e", edges, turns) / np.einsum("ej,ej->e", edges, edges)))
+        return curvature if self._corners(face)[1].any() else min(curvature, 0.0)
 
     def _corners(self, face: int) -> tuple[Array, Array]:
         """Return the corners of a triangle (3, 3), m, and their unit normals (3, 3); zeros if the triangle is flat."""
@@ -53,9 +58,14 @@ class CurvedSurface:
         return self._points[corners], normals * np.linalg.norm(normals, axis=1).all()
 
     @cached_property
+    def _means(self) -> Array:
+        """Unit normals of the points, weighted by area (n, 3)."""
+        return mean_normals(self._points, self._triangles, np.arange(len(self._points)))
+
+    @cached_property
     def _normals(self) -> Array:
-        """Unit normals of the points, weighted by area (n, 3); zero at points of sharp edges."""
-        normals = mean_normals(self._points, self._triangles, np.arange(len(self._points)))
+        """The same, zero at points of sharp edges."""
+        normals = self._means.copy()
         aligned = np.einsum("ka,kca->kc", self._flat.of_faces, normals[self._triangles])
         normals[self._triangles[~(aligned > _SHARP)]] = 0.0
         return normals

@@ -28,7 +28,7 @@ from palpate.fem.checks import (
     row_of,
 )
 from palpate.fem.condensed_body import CondensedBody
-from palpate.fem.contact_accuracy import force_error, has_known_error, softening, unresolved
+from palpate.fem.contact_accuracy import softening, unresolved
 from palpate.fem.errors import BodyError, BodyWarning
 from palpate.fem.model_spec import COMPLIANCE, ModelSpec
 
@@ -155,25 +155,12 @@ class IndentableBody(CondensedBody):
         return Indentation(force, self.displacement(), nodes, error)
 
     def _force_error(self, nodes: int, point: Array, radius: float, depth: float) -> float | None:
-        """Return the relative error of a sphere's force by the mesh; None if it is not known."""
-        by_distance = isinstance(self.core, _core.SignedDistanceBody)
-        known = (
-            (by_distance or (self.kind.name == COMPLIANCE.name and self.is_level(point, radius)))
-            and has_known_error(self.record)
-            and not self.kind.contact_points
-        )
-        thin = known and self.is_thin_under(point, radius, depth)
-        shallow = self.is_shallow_under(point, radius, depth)
-        if known and not thin and not shallow:
-            return force_error(nodes, signed_distance=by_distance)
-        touched = float(np.sqrt(self.effective_radius(point, radius) * depth))
-        contact = f"the contact radius of about {1e3 * touched:.2g} mm"
-        problem = f"{contact} is less than 0.38 times the distance of the nodes (press deeper, or use a finer mesh)"
-        if thin:
-            problem = f"the body is thin under the tip, less than 1.8 times {contact}"
-        if thin or (shallow and nodes >= _FEW):  # fewer cause a warning of their own
-            warnings.warn(f"depth: {problem}: the error of its force is not known", BodyWarning, stacklevel=3)
-        return None
+        """Return the relative error of a sphere's force by the mesh; None if it is not known, with a warning if why."""
+        doubt = self.mesh_doubt(point, radius, depth)
+        if doubt and nodes >= _FEW:  # fewer cause a warning of their own
+            warnings.warn(f"depth: {doubt}: the error of its force is not known", BodyWarning, stacklevel=3)
+        known = self.kind.by_distance or self.kind.name == COMPLIANCE.name
+        return self.mesh_error(nodes, point, radius, depth) if known else None
 
     def _static_body(self) -> Self | None:
         """Return the body without inertia, creep, friction and changes of supports, or None if it has none of them.

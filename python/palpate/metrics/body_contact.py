@@ -9,10 +9,10 @@ import numpy as np
 
 from palpate.arrays import Array
 from palpate.checks import MAX_TIPS
-from palpate.fem import force_error, softening
+from palpate.fem import softening
 from palpate.metrics.mesh_contact import LAST
 from palpate.scenario.tool_motion import ToolMotion
-from palpate.simulation.bodies import has_known_mesh_error, overlaps_untouched, tip_depths
+from palpate.simulation.bodies import mesh_error, overlaps_untouched, tip_depths
 from palpate.simulation.moving_frame import touching_tip, turned_to_object
 from palpate.simulation.recorded import recorded_scenario
 from palpate.simulation.tool_motion import tick_times
@@ -33,8 +33,6 @@ JND = 0.23  # just noticeable relative difference of stiffness (Jones & Hunter 1
 MIN_SWEEP = 10e-3  # m, path length from which a run counts as a sweep
 FEW = 4  # nodes under the tip, below which the force is unreliable
 HOLDING = ("modal", "viscoelastic", "mass_spring")  # models that hold each force over the tick that ends at its sample
-
-_ESTIMATED = ("compliance", "viscoelastic", "modal", "signed_distance")  # models with a known error by the mesh
 
 
 @dataclass(frozen=True)
@@ -166,7 +164,7 @@ def palpation_metrics(trace: Trace) -> PalpationMetrics | None:
         deepest_force=float(magnitude[at]),
         stiffness=float(magnitude[at] / depth[at]) if depth[at] > 0.0 else 0.0,
         nodes=int(nodes[at, 0]),
-        mesh_error=_mesh_error(trace, first + at, int(nodes[at, 0])),
+        mesh_error=mesh_error(trace, first + at, int(nodes[at, 0])),
         path=float(np.sum(np.linalg.norm(move, axis=1)[contact[1:] & contact[:-1]])),
         path_stiffness_median=float(np.median(path_stiffness)) if swept else None,
         path_stiffness_max=float(np.max(path_stiffness)) if swept else None,
@@ -196,17 +194,6 @@ def _tip_forces(trace: Trace) -> list[str]:
     """Return the names of the channels of the forces of a tool's tips."""
     names = (f"point{number}_force" for number in range(1, MAX_TIPS + 1))
     return [name for name in names if name in trace]
-
-
-def _mesh_error(trace: Trace, row: int, nodes: int) -> float | None:
-    """Return the relative error of the force in a sample by the mesh; None if it is not known."""
-    choice = trace.scenario.get("object", {}).get("body") or {}
-    kind = choice.get("kind", "compliance")
-    if choice.get("tip", "sphere") != "sphere" or choice.get("contact_points") or kind not in _ESTIMATED:
-        return None
-    if not has_known_mesh_error(trace, row):
-        return None
-    return force_error(nodes, signed_distance="signed_distance" in (kind, choice.get("contact")))
 
 
 def _softening(trace: Trace, depth: float) -> float | None:

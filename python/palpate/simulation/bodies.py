@@ -19,7 +19,7 @@ from palpate.arrays import Array, Flags, Indices
 from palpate.contact import Mesh
 from palpate.contact.simplices import area_vectors, barycentric, half_edges, unique_rows
 from palpate.errors import OutputError, PalpateError, ScenarioError
-from palpate.fem.contact_accuracy import has_known_error, unresolved
+from palpate.fem.contact_accuracy import unresolved
 from palpate.fem.support_changes import TOUCHED, SupportChange
 from palpate.scenario import Scenario
 from palpate.scenario.body import BodyChoice
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from palpate.fem.condensed_body import CondensedBody
 
 Tell = Callable[[str, float], None]
+_ESTIMATED = ("compliance", "viscoelastic", "modal", "signed_distance")  # models with a known error by the mesh
 _FEW = 3  # nodes of a body that stands for a spring: its extent tells nothing of a tip
 _DENTED = 10.0  # retardation times after a contact in which a body may keep a dent
 _BORDER = 1e-6  # of a face: barycentric coordinate below which a point is on its edge
@@ -72,24 +73,28 @@ def pressed_at(trace: Recorded, row: int) -> Pressed:
     return Pressed(body, way[-1], body.displacement(), body.pressure())
 
 
-def has_known_mesh_error(trace: Recorded, row: int) -> bool:
-    """Return whether the error by the mesh is known for a trace's body, and its nodes resolve its tip at sample `row`.
+def mesh_error(trace: Recorded, row: int, nodes: int) -> float | None:
+    """Return the relative error by the mesh of a sphere's force on a trace's body at sample `row`.
 
-    False also if the body is no longer there, and where the tip overlaps a part of the surface without contact.
+    None if it is not known, as where the tip is over a part of the surface without contact, and if the body is no
+    longer there.
+
+    Args:
+        trace: of a run.
+        row: sample.
+        nodes: number of nodes in contact.
     """
     if (found := _recorded_body(trace)) is None:
-        return False
+        return None
     scenario, choice, body = found
-    if not has_known_error(body.record) or overlaps_untouched(trace, np.array([row])):
-        return False
-    centers = _tips_in_body(trace, scenario, body, np.array([row]))[0]
-    return all(
-        not unresolved(body.nodes, center, choice.radius, choice.tip)
-        and (body.kind.by_distance or body.is_level(center, choice.radius))
-        and not body.is_thin_under(center, choice.radius, depth)
-        and not body.is_shallow_under(center, choice.radius, depth)
-        for center, depth in zip(centers, depths_at_rest(body, centers, choice.radius), strict=True)
-    )
+    if choice.tip != "sphere" or choice.contact_points or choice.kind not in _ESTIMATED:
+        return None
+    if overlaps_untouched(trace, np.array([row])):
+        return None
+    center = _tips_in_body(trace, scenario, body, np.array([row]))[0, 0]
+    if unresolved(body.nodes, center, choice.radius, choice.tip):
+        return None
+    return body.mesh_error(nodes, center, choice.radius, float(depths_at_rest(body, center[None], choice.radius)[0]))
 
 
 def overlaps_untouched(trace: Recorded, rows: Array) -> bool:

@@ -30,7 +30,7 @@ class Pseudonormals:
         normal = self.of_faces[faces]
         edge = np.flatnonzero(zero.sum(axis=1) == 1)
         side = (np.argmax(zero[edge], axis=1) + 1) % 3
-        normal[edge] = self._of_edges[3 * faces[edge] + side]
+        normal[edge] = self.of_edges[3 * faces[edge] + side]
         vertex = np.flatnonzero(zero.sum(axis=1) == 2)
         corner = np.argmax(weights[vertex], axis=1)
         normal[vertex] = self.of_vertices[self._triangles[faces[vertex], corner]]
@@ -53,7 +53,7 @@ class Pseudonormals:
         return _unit(total)
 
     @cached_property
-    def _of_edges(self) -> Array:
+    def of_edges(self) -> Array:
         """Unit normals of the edges (3 k, 3), row 3 x triangle + number of the edge's first corner."""
         number = unique_rows(np.sort(half_edges(self._triangles), axis=1))[1]
         total = np.zeros((int(number.max()) + 1, 3))

@@ -28,7 +28,6 @@ from palpate.fem.contact_accuracy import (
     is_shallow,
     is_thin,
     node_distance,
-    sagitta,
 )
 from palpate.fem.curved_surface import CurvedSurface
 from palpate.fem.errors import BodyError
@@ -206,7 +205,18 @@ class CondensedBody:
 
     def curvature_at(self, point: Array) -> float:
         """Return the mean curvature of the surface near a point (3,), m, in 1/m, positive where it is convex."""
-        return self._curved_surface.curvature(int(self.surface.nearest(point[None])[1][0]))
+        return float(np.mean(self._curvatures_at(point)))
+
+    def sagitta_at(self, point: Array) -> float:
+        """Return the height, m, of the surface near a point (3,), m, over a chord as long as the distance of the nodes.
+
+        The curvature is the root mean square of that in several directions.
+        """
+        curvature = float(np.sqrt(np.mean(self._curvatures_at(point) ** 2)))
+        return curvature * node_distance(self.nodes, point) ** 2 / 8.0
+
+    def _curvatures_at(self, point: Array) -> Array:
+        return self._curved_surface.curvatures(int(self.surface.nearest(point[None])[1][0]))
 
     def mesh_doubt(self, point: Array, radius: float, depth: float) -> str:
         """Return why the error by the mesh of a sphere's force near a point (3,), m, is not known; "" if it may be."""
@@ -216,10 +226,9 @@ class CondensedBody:
         contact = f"the contact radius of about {1e3 * float(np.sqrt(effective * depth)):.2g} mm"
         if self.is_thin_under(point, radius, depth):
             return f"the body is thin under the tip, less than 1.8 times {contact}"
-        distance, curvature = node_distance(self.nodes, point), self.curvature_at(point)
-        if is_shallow(effective, depth, distance):
+        if is_shallow(effective, depth, node_distance(self.nodes, point)):
             return f"{contact} is less than 0.38 times the distance of the nodes (press deeper, or use a finer mesh)"
-        if fits_closely(sagitta(curvature, distance), depth, curvature, radius):
+        if fits_closely(self.sagitta_at(point), depth, self.curvature_at(point), radius):
             return "the mesh is too coarse for the hollow under the tip (press deeper, or use a finer mesh)"
         return ""
 
@@ -236,8 +245,7 @@ class CondensedBody:
         known = depth > 0.0 and has_known_error(self.record) and not self.kind.contact_points
         if not known or not (by_distance or self.is_level(point, radius)) or self.mesh_doubt(point, radius, depth):
             return None
-        height = sagitta(self.curvature_at(point), node_distance(self.nodes, point))
-        return force_error(nodes, signed_distance=by_distance, sagitta=height / depth)
+        return force_error(nodes, signed_distance=by_distance, sagitta=self.sagitta_at(point) / depth)
 
     def in_phase(self, number: int) -> CondensedBody:
         """Return the geometry of the body after a number of changes of its supports: its nodes are those not held."""

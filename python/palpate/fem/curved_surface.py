@@ -8,12 +8,13 @@ import numpy as np
 
 from palpate.arrays import Array, Indices
 from palpate.contact.pseudonormals import Pseudonormals
-from palpate.contact.simplices import barycentric
+from palpate.contact.simplices import area_vectors, barycentric
 from palpate.fem.hat_functions import mean_normals
 
 __all__ = ["CurvedSurface"]
 
 _SHARP = 0.82  # cosine between a triangle and the normal of its corner, below which the triangle stays flat: 35 degrees
+_BENT = np.radians(30.0)  # half of the angle between two triangles from which on their edge is sharp
 
 
 class CurvedSurface:
@@ -41,15 +42,23 @@ class CurvedSurface:
         normal = weights @ normals
         return curved, normal / np.linalg.norm(normal)
 
-    def curvature(self, face: int) -> float:
-        """Return the mean curvature of a triangle, 1/m, positive where the surface is convex.
+    def curvatures(self, face: int) -> Array:
+        """Return the curvature of a triangle in three directions (3,), 1/m, positive where the surface is convex.
 
-        It is 0 beside a convex edge. In a hollow it is that of the normals of all corners, however sharp.
+        It is the turn of the normal along its edges; of a flat triangle, over its edges, and 0 over sharp ones.
         """
-        corners = self._triangles[face]
-        edges, turns = (np.roll(at, -1, axis=0) - at for at in (self._points[corners], self._means[corners]))
-        curvature = float(np.mean(np.einsum("ej,ej->e", edges, turns) / np.einsum("ej,ej->e", edges, edges)))
-        return curvature if self._corners(face)[1].any() else min(curvature, 0.0)
+        points, normals = self._corners(face)
+        edges = np.roll(points, -1, axis=0) - points
+        lengths = np.linalg.norm(edges, axis=1)
+        if normals.any():
+            turns = np.roll(normals, -1, axis=0) - normals
+            return np.asarray(np.einsum("ej,ej->e", edges, turns) / lengths**2)
+        area = area_vectors(self._points, self._triangles[face][None])[0]
+        size = float(np.linalg.norm(area))
+        outward = np.cross(edges, area) / (lengths * size)[:, None]
+        turn = np.arcsin(np.einsum("ej,ej->e", outward, self._flat.of_edges[3 * face : 3 * face + 3]))
+        middle = 2.0 * size / (3.0 * lengths)  # distance of the triangle's middle from each edge
+        return np.where(np.abs(turn) < _BENT, turn / middle, 0.0)
 
     def _corners(self, face: int) -> tuple[Array, Array]:
         """Return the corners of a triangle (3, 3), m, and their unit normals (3, 3); zeros if the triangle is flat."""
@@ -58,14 +67,9 @@ class CurvedSurface:
         return self._points[corners], normals * np.linalg.norm(normals, axis=1).all()
 
     @cached_property
-    def _means(self) -> Array:
-        """Unit normals of the points, weighted by area (n, 3)."""
-        return mean_normals(self._points, self._triangles, np.arange(len(self._points)))
-
-    @cached_property
     def _normals(self) -> Array:
-        """The same, zero at points of sharp edges."""
-        normals = self._means.copy()
+        """Unit normals of the points, weighted by area (n, 3); zero at points of sharp edges."""
+        normals = mean_normals(self._points, self._triangles, np.arange(len(self._points)))
         aligned = np.einsum("ka,kca->kc", self._flat.of_faces, normals[self._triangles])
         normals[self._triangles[~(aligned > _SHARP)]] = 0.0
         return normals

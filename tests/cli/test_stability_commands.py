@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from palpate.cli.main import app
+from palpate.stability.maps.zwidth_map import ZWidth
 from typer.testing import CliRunner
 
 SCENARIO = """title = "A [slider]"
@@ -27,13 +28,15 @@ def found(**changes: Any) -> Any:
         "not_passive": "its reason", "simulated": SimpleNamespace(runs=1234, furthest=0.0123),
         "not_simulated": "no wish",
     }  # fmt: skip
-    return SimpleNamespace(**{**values, **changes}, save=lambda path: path.write_text("{}", "utf-8"))
+    given = SimpleNamespace(**{**values, **changes}, save=lambda path: path.write_text("{}", "utf-8"))
+    given.facts = ZWidth.facts.fget(given)  # type: ignore[attr-defined]
+    return given
 
 
 LINES = [
     "A [slider]", "K = 50 N/m is stable", "nobody: up to 2 N/mm, with 1.5 N·s/m of damping",
     "a hand: up to 30 N/mm, with 2.5 N·s/m of damping", "with the 0.5 N·s/m of the scenario: up to 123.5 N/m",
-    "a band is unstable", "a fist: no wall of any size is stable", "passive in every hand: up to 20 N/m",
+    "a band is unstable", "a fist: no object of any size is stable", "passive in every hand: up to 20 N/m",
     "simulated boundary (1,234 runs): at most 1.2 % of the map off the exact curve",
 ]  # fmt: skip
 

@@ -249,6 +249,9 @@ def test_zwidth_of_a_slider() -> None:
     assert "is stable" in html
     assert found.stable_here
     assert "http://" not in html.replace("http://www.w3.org", "")
+    title, verdict, *facts = str(found).split("\n  ")
+    assert (title, verdict, facts) == (found.title, found.verdict, found.facts)
+    assert any(fact.startswith("passive in every hand: up to ") for fact in facts)
 
 
 def test_zwidth_of_the_nonlinear_arm_with_a_controller() -> None:

@@ -71,7 +71,6 @@ def zwidth(
     with progress("reading the scenario") as tell:
         from palpate.report import zwidth_page
         from palpate.stability import zwidth as map_of
-        from palpate.stability.maps.zwidth_map import written
 
         loaded = load_scenario(scenario, settings)
         found = map_of(loaded, simulated=simulate, progress=tell)
@@ -83,24 +82,9 @@ def zwidth(
     output.print(
         f"  {found.verdict}", style=COLORS["good" if found.stable_here else "bad"], markup=False, soft_wrap=True
     )
-    for name, curve in found.curves.items():
-        b, k = curve.stiffest
-        output.print(f"  {name}: up to {written(k)}, with {b:.4g} N·s/m of damping", markup=False, soft_wrap=True)
-    if found.stiffest_here is not None:
-        output.print(f"  with the {found.here[0]:.4g} N·s/m of the scenario: up to {written(found.stiffest_here)}")
-    for remark in found.gap_remarks:
-        output.print(f"  {remark}", style="yellow", markup=False, soft_wrap=True)
-    for name in found.never:
-        output.print(f"  {name}: no wall of any size is stable", markup=False)
-    if found.passive is not None:
-        output.print(f"  passive in every hand: up to {written(found.passive[1].max())}", markup=False)
-    else:
-        output.print(f"  passive walls: none known; {found.not_passive}", markup=False, soft_wrap=True)
-    if found.simulated is not None:
-        off = f"at most {100 * found.simulated.furthest:.2g} % of the map off the exact curve"
-        output.print(f"  simulated boundary ({found.simulated.runs:,} runs): {off}", markup=False, soft_wrap=True)
-    else:
-        output.print(f"  no simulated boundary: {found.not_simulated}", markup=False, soft_wrap=True)
+    for fact in found.facts:
+        style = "yellow" if fact in found.gap_remarks else None
+        output.print(f"  {fact}", style=style, markup=False, soft_wrap=True)
     print_paths(paths)
     if not found.stable_here:
         raise typer.Exit(1)

@@ -131,6 +131,32 @@ class ZWidth:
         known = self.exact_here is None or not math.isnan(self.exact_here)
         return self.exact_here if known else next(iter(self.curves.values())).stiffest_at(self.here[0])
 
+    @property
+    def facts(self) -> list[str]:
+        """The stiffest stable object of each operator, the bands, the passive and the simulated boundary, in words."""
+        lines = []
+        for name, curve in self.curves.items():
+            b, k = curve.stiffest
+            lines.append(f"{name}: up to {written(k)}, with {b:.4g} N·s/m of damping")
+        if self.stiffest_here is not None:
+            lines.append(f"with the {self.here[0]:.4g} N·s/m of the scenario: up to {written(self.stiffest_here)}")
+        lines += self.gap_remarks
+        lines += [f"{name}: no object of any size is stable" for name in self.never]
+        if self.passive is not None:
+            lines.append(f"passive in every hand: up to {written(self.passive[1].max())}")
+        else:
+            lines.append(f"passive walls: none known; {self.not_passive}")
+        if self.simulated is not None:
+            off = f"at most {100 * self.simulated.furthest:.2g} % of the map off the exact curve"
+            lines.append(f"simulated boundary ({self.simulated.runs:,} runs): {off}")
+        else:
+            lines.append(f"no simulated boundary: {self.not_simulated}")
+        return lines
+
+    def __str__(self) -> str:
+        """Return title, verdict and facts, a line each."""
+        return "\n  ".join([self.title, self.verdict, *self.facts])
+
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the boundaries, stiffness over damping, with the scenario's object, and return the axes.
 

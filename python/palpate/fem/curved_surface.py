@@ -56,7 +56,8 @@ class CurvedSurface:
         area = area_vectors(self._points, self._triangles[face][None])[0]
         size = float(np.linalg.norm(area))
         outward = np.cross(edges, area) / (lengths * size)[:, None]
-        turn = np.arcsin(np.einsum("ej,ej->e", outward, self._flat.of_edges[3 * face : 3 * face + 3]))
+        across = self._flat.of_edges[3 * face : 3 * face + 3]  # unit normals of the edges
+        turn = np.arcsin(np.clip(np.einsum("ej,ej->e", outward, across), -1.0, 1.0))
         middle = 2.0 * size / (3.0 * lengths)  # distance of the triangle's middle from each edge
         return np.where(np.abs(turn) < _BENT, turn / middle, 0.0)
 

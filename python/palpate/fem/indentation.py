@@ -159,8 +159,15 @@ class IndentableBody(CondensedBody):
         doubt = self.mesh_doubt(point, radius, depth)
         if doubt and nodes >= _FEW:  # fewer cause a warning of their own
             warnings.warn(f"depth: {doubt}: the error of its force is not known", BodyWarning, stacklevel=3)
-        known = self.kind.by_distance or self.kind.name == COMPLIANCE.name
-        return self.mesh_error(nodes, point, radius, depth) if known else None
+        along_normals = self.kind.name == COMPLIANCE.name
+        if not doubt and nodes >= _FEW and along_normals and self.is_curved(point, radius):
+            warnings.warn(
+                "the surface is curved there, where contact along the nodes' normals is too stiff by an unknown "
+                "amount: use signed_distance()",
+                BodyWarning,
+                stacklevel=3,
+            )
+        return self.mesh_error(nodes, point, radius, depth) if along_normals or self.kind.by_distance else None
 
     def _static_body(self) -> Self | None:
         """Return the body without inertia, creep, friction and changes of supports, or None if it has none of them.

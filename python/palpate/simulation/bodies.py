@@ -109,11 +109,8 @@ def overlaps_untouched(trace: Recorded, rows: Array) -> bool:
     centers = _tips_in_body(trace, scenario, body, rows)
     phase = support_phase(scenario, trace.time[rows])
     for number in np.unique(phase):
-        if (
-            _in_phase(body, number)
-            .overlaps_untouched(centers[phase == number].reshape(-1, 3), choice.radius, axis)
-            .any()
-        ):
+        there = centers[phase == number].reshape(-1, 3)
+        if _in_phase(body, number).overlaps_untouched(there, choice.radius, axis).any():
             return True
     return False
 
